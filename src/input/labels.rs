@@ -4,6 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::path::Path;
 
+use rayon::prelude::*;
+
 use crate::error::{Error, Result};
 use crate::input::volume::slices::listed;
 use crate::input::volume::{Overlaps, Volume, VoxelRun};
@@ -141,6 +143,7 @@ fn labels_of(
         labels.some_are_left().map_err(|message| Error::Format { path: path.into(), message })?;
     }
     labels.notes.extend(strays(&labels.labels, &labels.stack.slices, &labels.drawn));
+    labels.notes.extend(slips(&labels, completeness));
     labels.notes.extend(unresolved(&labels.labels, &labels.stack, &labels.drawn));
     labels.notes.extend(notes(&labels.labels, &labels.given));
     labels.reading = reading(&labels.labels, &labels.given);
@@ -186,7 +189,8 @@ fn given(
     }
     let numbers: Vec<usize> = slices.iter().map(|slice| (slice.z / thickness).round() as usize).collect();
     let given = painted.iter().map(|painted| Given::new(painted, &numbers, of)).collect();
-    if of == Completeness::Own { completed(given, drawn, |k| slices[k].z) } else { given }
+    let z = || slices.iter().map(|slice| slice.z).collect::<Vec<_>>();
+    if of == Completeness::Own { completed(given, &z()) } else { given }
 }
 
 /// Notes for a person on slices of labels that look painted by mistake.
@@ -203,6 +207,25 @@ fn strays(labels: &[i64], slices: &[Slice], drawn: &[Vec<u32>]) -> Vec<String> {
         Some(format!("label {label}: {}", doubts::stray(&doubts::strays(sections, overlap), sections, name)?))
     };
     few(labels.iter().zip(&sections).enumerate().filter_map(of).collect(), "have slices with hardly any pixels")
+}
+
+/// Notes for a person on what slices of labels lack or have by mistake.
+fn slips(labels: &LabelStack, completeness: Completeness) -> Vec<String> {
+    let of = |(a, label): (usize, &i64)| -> Vec<String> {
+        let own = labels.alone(a);
+        let holes = !labels.given[a].holes.is_empty();
+        let undrawn = holes.then(|| own.undrawn()).flatten();
+        // Unpainted slices between others that are painted one by one are told by themselves.
+        let empty = (completeness == Completeness::Own).then(|| own.empty()).flatten();
+        let slips = empty.into_iter().chain(own.slips()).filter(|slip| Some(slip) != undrawn.as_ref());
+        slips.map(|slip| format!("label {label}: {slip}")).collect()
+    };
+    let mut all: Vec<Vec<String>> = labels.labels.par_iter().enumerate().map(of).collect();
+    all.retain(|slips| !slips.is_empty());
+    let more = all.len().saturating_sub(MOST_TOLD);
+    all.truncate(MOST_TOLD);
+    let more = (more > 0).then(|| format!("{more} more labels have slices that look painted by mistake"));
+    all.into_iter().flatten().chain(more).collect()
 }
 
 /// Notes for a person on labels much of which pixels do not resolve.

@@ -1,27 +1,29 @@
 //! Labels that end in the midst of others: between the last slice of a label and the next one, where others are painted in its place.
 //!
-//! Alone a label ends flat at its last slice, and one that begins in its place does so at the next: between them lay a gap through solid tissue.
-//! But the union of both goes on, and says where there is any. Between slice k, on which label a is painted, and slice k + 1, on which it is not,
-//! as far as is known, and others of its union are painted on half of its pixels at least ([`SHARE`]), it goes on as
+//! Alone a label ends flat at its last slice, or in a tip before the next one, and one that begins in its place does so likewise: between them lay a gap
+//! through solid tissue. But the union of both goes on, and says where there is any. Between slice k, on which label a is painted, and slice k + 1, on which
+//! it is not, as far as is known, and others of its union are painted on a fifth of its pixels at least ([`SHARE`]), it goes on as
 //!
 //! ```text
 //! phi_a(t) = min(phi_a, max(phi_a(k) + w t (depth_a + 2 px), u(t))),   w = 1 - m / R between 0 and 1
 //! ```
 //!
-//! with t the share of the gap that lies below, depth_a the largest distance inside on slice k, of labels that face each other that of the deeper one, u
-//! the union, and m the least distance of the others but those that end with it, of those that begin as they are on slice k + 1, R that beyond which
-//! fields say nothing. So it draws back from the others, has its contour at t = 0 and nothing of theirs at t = 1, and never leaves the union. Upside
-//! down it is the same.
+//! with phi_a what it is alone (nothing of labels that face each other), t the share of the gap that lies below, depth_a the largest distance inside on
+//! slice k, of labels that face each other that of the deeper one, u the union, and m the least distance of the others but those that end with it, of those
+//! that begin as they are on slice k + 1, R that beyond which fields say nothing. So it draws back from the others, has its contour at t = 0 and nothing of
+//! theirs at t = 1, and never leaves the union. Upside down it is the same.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::facing::{Facing, facing};
-use super::given::SHARE;
 use super::kept::{KeptBody, LayerPatch};
 use super::stack::{LabelPair, LabelStack};
 use crate::error::Result;
 use crate::grid::tile::Tile;
 
+/// Share of a contour, by area, that has to lie on others to end amid them. With half of it a wall that closed over what it encloses left a ring of
+/// background where it lay on two fifths of that; with none a thread that leans out of a ball takes its own area once more from what the ball leaves.
+const SHARE: f64 = 0.2;
 /// Pixels, of the larger side, by which a label has drawn back beyond its innermost point at the slice on which it is not: thin labels end sooner. Of 0, 1,
 /// 2 and 4 px, 2 was best for two brain atlases with every fourth slice given.
 const BEYOND: f32 = 2.0;
@@ -35,6 +37,8 @@ pub(super) struct EndingLabels {
     pub labels: BTreeSet<(usize, bool)>,
     /// The pairs that are painted on the same pixels, one below and one above.
     pub across: BTreeSet<LabelPair>,
+    /// Those of them that face each other.
+    pub facing: BTreeSet<LabelPair>,
 }
 
 impl EndingLabels {
@@ -91,13 +95,18 @@ impl EndingLabels {
                 within && (ending.labels.contains(&(a, true)) || ending.labels.contains(&(b, false)))
             };
             let known = united([a, b], [low, high]);
+            let pair = (a.min(b), a.max(b));
+            if high == low + 1 && all[low].across.contains(&pair) {
+                all[low].facing.insert(pair);
+            }
             if high == low + 1 || !known || all[..near].iter().any(ended) {
                 continue;
             }
             let at = all[near..].iter().position(|ending| ending.slices == [low, high]).unwrap_or(all.len() - near);
             all.resize(all.len().max(near + at + 1), EndingLabels { slices: [low, high], ..EndingLabels::default() });
             all[near + at].labels.extend([(a, true), (b, false)]);
-            all[near + at].across.insert((a.min(b), a.max(b)));
+            all[near + at].across.insert(pair);
+            all[near + at].facing.insert(pair);
         }
         all
     }
@@ -137,7 +146,11 @@ impl EndingLabels {
             let others = (0..alone.len()).filter(|b| b != a).filter_map(other).collect();
             let [painted, not] = if *below { at.slices } else { [at.slices[1], at.slices[0]] };
             let t = ((at.z - painted) / (not - painted)) as f32;
-            let on = Continued { alone: &alone[*a], contour, union, others, t, depth, far: at.far, px: at.px };
+            // Of two that face each other each would end alone in its own way, and their border lie where these say.
+            let nothing = LayerPatch::default();
+            let is_facing = self.facing.iter().any(|(b, c)| [b, c].contains(&a));
+            let own = if is_facing { &nothing } else { &alone[*a] };
+            let on = Continued { alone: own, contour, union, others, t, depth, far: at.far, px: at.px };
             patches.push(Some(on.patch()));
         }
         let of = |((label, contour), patch): ((usize, LayerPatch), Option<LayerPatch>)| {

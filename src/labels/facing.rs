@@ -6,8 +6,10 @@
 
 use std::collections::BTreeMap;
 
-use super::given::SHARE;
 use super::stack::{LabelPair, LabelStack};
+
+/// Share of a contour, by area, that has to lie on a label of the other slice to face it.
+const SHARE: f64 = 0.5;
 
 /// Gaps up to so many times as wide as the widest within one of both labels are not wider.
 const WIDER: f64 = 1.5;

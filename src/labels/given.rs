@@ -35,46 +35,24 @@ const DENSE: f64 = 0.75;
 /// A slice beyond a label's first or last one is of the same row if it is this many times as far from it, as the nearest and as the farthest of the label's
 /// own are from each other.
 const SAME_ROW: [f64; 2] = [0.75, 1.5];
-/// Share of a contour, by area, that has to lie on other labels to end amid them.
-pub(super) const SHARE: f64 = 0.5;
 
 /// Adds slices at which labels have ended: a label on two slices at least, and on all that are painted between its first and its last, was looked for on each,
-/// and is not on the next slice of that row. Where most of its contour lies on others there, these say how it ends (`ended.rs`).
-pub fn completed(given: Vec<Given>, drawn: &[Vec<u32>], z: impl Fn(usize) -> f64) -> Vec<Given> {
-    let (below, above) = (amid(drawn, given.len(), -1), amid(drawn, given.len(), 1));
-    let complete = |(a, mut given): (usize, Given)| {
+/// and is not on the next slice of that row. What others have there in its place goes on in their unions (`ended.rs`).
+pub fn completed(given: Vec<Given>, z: &[f64]) -> Vec<Given> {
+    let complete = |mut given: Given| {
         let (Some([first, last]), false) = (given.ends(), given.crossed || given.dense) else { return given };
-        let gaps = || given.slices.windows(2).map(|pair| z(pair[1]) - z(pair[0]));
+        let gaps = || given.slices.windows(2).map(|pair| z[pair[1]] - z[pair[0]]);
         let Some((least, most)) = gaps().map(|gap| (gap, gap)).reduce(|(a, b), (c, d)| (a.min(c), b.max(d))) else {
             return given;
         };
         let row = SAME_ROW[0] * least..=SAME_ROW[1] * most;
-        let is_next = |on: usize, beyond: usize| row.contains(&(z(on) - z(beyond)).abs());
-        let below = first.checked_sub(1).filter(|beyond| is_next(first, *beyond) && !below[a]);
-        let above = Some(last + 1).filter(|k| *k < drawn.len() && is_next(last, *k) && !above[a]);
+        let is_next = |on: usize, beyond: &usize| row.contains(&(z[on] - z[*beyond]).abs());
+        let below = first.checked_sub(1).filter(|beyond| is_next(first, beyond));
+        let above = Some(last + 1).filter(|k| *k < z.len() && is_next(last, k));
         given.slices = below.into_iter().chain(given.slices).chain(above).collect();
         given
     };
-    given.into_iter().enumerate().map(complete).collect()
-}
-
-/// Whether others lie on enough of each label's last contour in the direction of `way` on the slice after it.
-fn amid(drawn: &[Vec<u32>], labels: usize, way: isize) -> Vec<bool> {
-    let mut amid = vec![false; labels];
-    let on: Vec<usize> = if way > 0 { (0..drawn.len()).collect() } else { (0..drawn.len()).rev().collect() };
-    for on in on {
-        let Some(beyond) = on.checked_add_signed(way).and_then(|k| drawn.get(k)) else { continue };
-        // Pixels of each label, and of these those on which others lie. What comes later is farther on.
-        let mut counts = vec![[0usize; 2]; labels];
-        for (&label, &other) in drawn[on].iter().zip(beyond).filter(|(label, _)| **label > 0) {
-            let [pixels, covered] = &mut counts[label as usize - 1];
-            *pixels += 1;
-            *covered += usize::from(other > 0 && other != label);
-        }
-        let there = counts.iter().zip(&mut amid).filter(|([pixels, _], _)| *pixels > 0);
-        there.for_each(|([pixels, covered], amid)| *amid = *covered as f64 >= SHARE * *pixels as f64);
-    }
-    amid
+    given.into_iter().map(complete).collect()
 }
 
 impl Given {

@@ -18,7 +18,7 @@
 //! - Elsewhere `psi_a` is `phi_a`, bit by bit; the second half of the maximum counts within 3 px of a only.
 //! - Equal distances: the smaller sum over the 3 x 3 pixels around wins, then the label with more drawn pixels, then that whose first drawn
 //!   pixel comes first. Numbers and order of the labels decide nothing.
-//! - A label that ends where others of its union go on does not end flat, but draws back between the slices, and `phi_a` is that (`ended.rs`). Labels
+//! - A label that ends where others of its union go on draws back between the slices as far as they do not claim, and `phi_a` is that (`ended.rs`). Labels
 //!   that lie one above the other are of one union though they touch on no slice (`facing.rs`).
 //! - A piece that this leaves in the air, whatever its size, goes to the label that it touches most (`floating.rs`).
 //!

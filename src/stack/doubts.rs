@@ -183,14 +183,25 @@ impl ContourStack {
     /// Doubts about slices that look painted by mistake, as a whole or in specks, or left empty, as a whole, where both neighbours have a part or in pinholes,
     /// about gaps, about what pixels do not resolve and about their sides.
     pub fn doubts(&self) -> Vec<String> {
-        let section = |s: &Slice| SliceArea { z: s.z, area: s.content.mask().count() };
-        let sections: Vec<SliceArea> = self.slices.iter().map(section).collect();
-        let sides = |k: usize| self.slices[k].content.sides();
-        let overlap =
-            |k: usize, beside: usize| sides(k).into_iter().zip(sides(beside)).any(|(own, other)| own && other);
-        let name = |k: usize| format!("slice `{}`", self.slices[k].name);
-        let empty = interleaved(&sections).or_else(|| blank(&blanks(&sections, overlap), name));
-        let strays = strays(&sections, overlap);
+        let sections = self.sections();
+        let name = |k: usize| self.called(k);
+        let strays = stray(&self.strays(&sections), &sections, name);
+        let unresolved = self.unresolved().told(name);
+        strays.into_iter().chain(self.empty()).chain(self.slips()).chain(unresolved).chain(self.long_pixels()).collect()
+    }
+
+    /// Doubt about empty slices between others.
+    pub fn empty(&self) -> Option<String> {
+        let sections = self.sections();
+        let blank = || blank(&blanks(&sections, |a, b| self.overlap(a, b)), |k| self.called(k));
+        interleaved(&sections).or_else(blank)
+    }
+
+    /// Doubts about what slices lack, or have by mistake though not as a whole, and about gaps.
+    pub fn slips(&self) -> Vec<String> {
+        let sections = self.sections();
+        let strays = self.strays(&sections);
+        let name = |k: usize| self.called(k);
         let inner = (1..self.slices.len().max(1) - 1).filter(|k| sections[*k].area > 0 && !strays.contains(k));
         let mask = |k: usize| self.slices[k].content.mask();
         let inner: Vec<usize> = inner.collect();
@@ -205,17 +216,28 @@ impl ContourStack {
             found.into_iter().map(move |speck| (k, speck))
         });
         let specked = specked(&specks.collect::<Vec<_>>(), name);
-        let slices = stray(&strays, &sections, name).into_iter().chain(empty).chain(lacking.into_iter().flatten());
         let mut pinholes = Pinholes::default();
         inner.iter().for_each(|&k| pinholes.see(k, [k - 1, k, k + 1].map(mask), self.dims[0]));
-        let unresolved = self.unresolved().told(name);
-        slices
-            .chain(specked)
-            .chain(pinholes.told(name))
-            .chain(self.undrawn())
-            .chain(unresolved)
-            .chain(self.long_pixels())
-            .collect()
+        let slices = lacking.into_iter().flatten().chain(specked);
+        slices.chain(pinholes.told(name)).chain(self.undrawn()).collect()
+    }
+
+    fn sections(&self) -> Vec<SliceArea> {
+        self.slices.iter().map(|s| SliceArea { z: s.z, area: s.content.mask().count() }).collect()
+    }
+
+    fn strays(&self, sections: &[SliceArea]) -> Vec<usize> {
+        strays(sections, |a, b| self.overlap(a, b))
+    }
+
+    /// Whether some pixel is inside on both slices.
+    fn overlap(&self, a: usize, b: usize) -> bool {
+        let [own, other] = [a, b].map(|k| self.slices[k].content.sides());
+        own.into_iter().zip(other).any(|(own, other)| own && other)
+    }
+
+    fn called(&self, k: usize) -> String {
+        format!("slice `{}`", self.slices[k].name)
     }
 
     /// Parts of masks that pixels do not resolve; grey values and polygons say where their outline lies.

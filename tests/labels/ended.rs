@@ -47,3 +47,28 @@ fn a_label_that_goes_on_takes_nothing_from_a_larger_one_that_ends() {
     let drawn = thread[0];
     assert!(thread.iter().all(|n| n.abs_diff(drawn) <= drawn / 3), "{thread:?}");
 }
+
+/// The volume whose voxels on these slices have the label that `label` says.
+fn painted(slices: &[usize], label: impl Fn([f64; 3]) -> u8) -> Vec<u8> {
+    let [nx, ny, nz] = SIZES;
+    let at = |n: usize| [n % nx, n / nx % ny, n / (nx * ny)];
+    let voxel = |n: usize| if slices.contains(&at(n)[2]) { label(at(n).map(|k| k as f64)) } else { 0 };
+    (0..nx * ny * nz).map(voxel).collect()
+}
+
+/// A wall around a cavity that ends below it: at the next slice the wall is a disc that covers two fifths of the cavity's last contour.
+#[test]
+fn a_cavity_that_ends_below_a_dome_leaves_no_ring_around_it() {
+    let away = |[x, y, z]: [f64; 3]| (x - 32.0).hypot((y - 24.0) / 1.1).hypot(z - 18.0);
+    let voxels = painted(&[0, 8, 16, 24], |at| if away(at) < 17.0 { 2 } else { u8::from(away(at) < 20.0) });
+    let [nx, ny, _] = SIZES;
+    let lies = |k: usize| voxels[k * nx * ny..][..nx * ny].iter().filter(|v| **v > 0).count();
+    let cavity = voxels[8 * nx * ny..][..nx * ny].iter().filter(|v| **v == 2).count();
+    assert!((0.3..0.45).contains(&(lies(0) as f64 / cavity as f64)), "{} of {cavity}", lies(0));
+    let layers = decided(&voxels, &ReadOptions::default(), 1).0;
+    for (z, layer) in layers.iter().enumerate().take(25) {
+        let within = |n: usize| away([(n % nx) as f64, (n / nx) as f64, z as f64]) < 16.5;
+        let holes = (0..nx * ny).filter(|n| within(*n) && layer.phi.at(n % nx, n / nx) == 0.0).count();
+        assert_eq!(holes, 0, "at {z}");
+    }
+}

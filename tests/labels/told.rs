@@ -61,3 +61,21 @@ fn labels_of_parts_that_pixels_do_not_resolve_are_told() {
     assert!(told.len() == 8 && told[0].starts_with("warning: label 2: 3 parts of slices have at most 3 px"), "{said}");
     assert!(said.contains("3 more labels have many parts of so few pixels"), "{said}");
 }
+
+/// What a run of one body says of its slices, a run of many says of each.
+#[test]
+fn what_slices_of_labels_lack_is_told() {
+    use crate::own_slices::{Disc, SIZES, decided, volume};
+    let slices = [0, 2, 4, 6, 8, 20, 22, 24];
+    let disc = |label, x, slices| Disc { label, at: [x, 24.0], radius: 6.0, slices };
+    let lacking: Vec<usize> = slices.into_iter().filter(|k| *k != 4).collect();
+    let mut voxels = volume(&[disc(1, 10.0, &slices), disc(2, 28.0, &slices), disc(2, 48.0, &lacking)]);
+    let hole = 10 + (24 + 22 * SIZES[1]) * SIZES[0];
+    voxels[hole..hole + 2].fill(0);
+    let notes = decided(&voxels, &interslice::stack::ReadOptions::default(), 1).1;
+    let told = |words: &str| notes.iter().filter(|note| note.contains(words)).count();
+    assert_eq!(told("slices lie 2.000 apart, but none between 8.000 and 20.000"), 2, "{notes:?}");
+    assert_eq!(told("label 2: a part that the slices below and above have"), 1, "{notes:?}");
+    assert_eq!(told("label 1: 1 hole of at most 2 px lies in the midst"), 1, "{notes:?}");
+    assert_eq!(notes.len(), 4, "{notes:?}");
+}

@@ -92,6 +92,11 @@ impl<'b> MotionStack<'b> {
         self.heights.len()
     }
 
+    /// Height of interval `i`.
+    pub fn gap(&self, i: usize) -> f64 {
+        self.gaps[i]
+    }
+
     /// The field of slice `i`.
     ///
     /// # Errors

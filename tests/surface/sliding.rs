@@ -14,20 +14,23 @@ const N: usize = 62;
 const MIDDLE: f64 = 30.6;
 const GAPS: usize = 5;
 
-/// A tube wound to a coil that begins below the first slice and ends above the last one; lengths in px, heights along z.
+/// A tube wound to a coil that ends above the last slice; lengths in px, heights along z.
 #[derive(Clone, Copy)]
 struct Coil {
     radius: f64,
     tube: f64,
     pitch: f64,
     gap: f64,
+    /// Height at which it begins.
+    begins: f64,
     /// Pixel side along x.
     wide: f64,
     /// Heights are this much larger.
     times: f64,
 }
 
-const COIL: Coil = Coil { radius: 21.0, tube: 4.5, pitch: 15.0, gap: 5.0, wide: 1.0, times: 1.0 };
+/// One that begins below the first slice.
+const COIL: Coil = Coil { radius: 21.0, tube: 4.5, pitch: 15.0, gap: 5.0, begins: -100.0, wide: 1.0, times: 1.0 };
 
 impl Coil {
     /// How far a pixel of height z lies from the tube, and negative in it: the nearest point of the coil is that of an angle near its own.
@@ -38,7 +41,8 @@ impl Coil {
         let turn = ((z - height(own)) / self.pitch).round();
         let angles = (-8..=8)
             .map(|k| own + f64::from(k) * 0.05)
-            .flat_map(|a| (-1..=1).map(move |n| a + TAU * (turn + f64::from(n))));
+            .flat_map(|a| (-1..=1).map(move |n| a + TAU * (turn + f64::from(n))))
+            .map(|angle| angle.max(TAU * self.begins / self.pitch));
         let apart = angles.map(|angle| {
             let (s, c) = angle.sin_cos();
             let [dx, dy, dz] = [x - self.radius * c, y - self.radius * s, z - height(angle)];
@@ -89,6 +93,7 @@ fn a_coil_whose_turns_lie_in_the_slices_keeps_its_sections() {
             ("the field method", COIL, field.clone(), 0.93),
             ("every 4th", Coil { gap: 4.0, ..COIL }, Settings::default(), 0.95),
             ("long pixels", Coil { wide: 1.5, radius: 24.0, ..COIL }, Settings::default(), 0.91),
+            ("a coil that begins in the stack", Coil { begins: 4.0, ..COIL }, Settings::default(), 0.94),
             ("other heights", Coil { times: 0.1, ..COIL }, Settings::default(), 0.93),
         ] {
             let dice = coil.dice(&coil.made(&settings, backend));

@@ -298,5 +298,9 @@ fn painted_slices_that_stand_alone_on_another_axis_than_the_coarsest_are_told() 
     let coarse = Case::new(&sagittal, "1 1 4");
     coarse.all_say(&[], 0, told);
     coarse.none_doubts(&["--axis", "y"]);
-    Case::new(&sagittal, "1 1 1").none_doubts(&[]);
+    let even = Case::new(&sagittal, "1 1 1");
+    even.none_doubts(&[]);
+    // Across the paint every slice has some, and nothing is left to be interpolated.
+    let told = "slices are taken along z, as asked, and painted ones stand alone along y, in 5 stretches with empty ones between";
+    even.all_say(&["--axis", "z"], 0, told);
 }

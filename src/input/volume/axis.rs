@@ -22,13 +22,23 @@ pub struct Choice {
 /// The axis of a volume's slices.
 pub fn choose(axis: Axis, grid: &VolumeGrid, survey: &Survey) -> Choice {
     let sure = |axis: usize, why: &str| Choice { axis, why: why.into(), doubt: None };
-    let asked = |axis| sure(axis, "as asked");
+    let stretches: [usize; 3] = std::array::from_fn(|a| lone_stretches(&survey.painted[a]));
+    let asked = |axis: usize| {
+        let other = (0..3).find(|&a| stretches[axis] == 0 && stretches[a] > 0);
+        let doubt = other.map(|other| {
+            format!(
+                "slices are taken along {}, as asked, and painted ones stand alone along {}, in {} stretches with empty ones between: nothing is \
+                 interpolated between those",
+                NAMES[axis], NAMES[other], stretches[other]
+            )
+        });
+        Choice { axis, why: "as asked".into(), doubt }
+    };
     match axis {
         Axis::X => asked(0),
         Axis::Y => asked(1),
         Axis::Z => asked(2),
         Axis::Auto => {
-            let stretches: [usize; 3] = std::array::from_fn(|a| lone_stretches(&survey.painted[a]));
             let most = stretches.iter().copied().max().unwrap_or(0);
             let sparse = stretches.map(|n| n > 0 && n == most);
             let coarse = coarsest(grid.spacing());

@@ -53,6 +53,7 @@ USES = {
     "nifti": "NIfTI headers",
     "num-integer": "through zarrs and numpy; named for the tests so that they and the module share one build",
     "numpy": "arrays of numpy",
+    "png": "numbers of colours of PNG with a palette",
     "pollster": "waits for what wgpu answers",
     "proj4rs": "contour maps in degrees, reprojected to UTM",
     "proptest": "property tests",

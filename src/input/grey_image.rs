@@ -71,7 +71,8 @@ impl Grey {
                 {
                     let [r, g, b, a] = p.0;
                     return Err(format!(
-                        "pixel ({x}, {y}) is coloured or transparent ({r}, {g}, {b}, {a}); a slice must be a grey image"
+                        "pixel ({x}, {y}) is coloured or transparent ({r}, {g}, {b}, {a}); a slice must be a grey image (`label` and `labels` take the numbers of \
+                         a PNG with a palette)"
                     ));
                 }
                 Ok(Grey { dims, bits: 8, values: rgba.pixels().map(|p| u16::from(p[0])).collect() })

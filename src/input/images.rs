@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use super::contents::{images_of, skips};
 use super::folder::beside;
 use super::grey_image::Grey;
+use super::palette::Indexed;
 use super::sniff;
 use super::volume::data::Data;
 use super::volume::element::Element;
@@ -56,6 +57,8 @@ struct Image {
     element: Element,
     /// Labels, row by row.
     bytes: Vec<u8>,
+    /// Colours that stand for them, of a PNG that has a palette.
+    palette: Vec<[u8; 3]>,
 }
 
 impl Image {
@@ -68,14 +71,18 @@ impl Image {
             room::check_room(length as f64).map_err(|m| format!("{}x{} px {m}", dims[0], dims[1]))?;
             let mut bytes = Vec::new();
             Pages::open(path, 1, length)?.read_to_end(&mut bytes).map_err(|e| e.to_string())?;
-            return Ok(Image { dims, element, bytes });
+            return Ok(Image { dims, element, bytes, palette: Vec::new() });
+        }
+        let of_bytes = |size| Element::Int { size, signed: false };
+        if let Some(Indexed { dims, numbers, palette }) = Indexed::read(path)? {
+            return Ok(Image { dims, element: of_bytes(1), bytes: numbers, palette });
         }
         let Grey { dims, bits, values } = Grey::read(path)?;
         let (size, bytes) = match bits {
             8 => (1, values.iter().map(|v| *v as u8).collect()),
             _ => (2, values.iter().flat_map(|v| v.to_ne_bytes()).collect()),
         };
-        Ok(Image { dims, element: Element::Int { size, signed: false }, bytes })
+        Ok(Image { dims, element: of_bytes(size), bytes, palette: Vec::new() })
     }
 }
 
@@ -84,6 +91,8 @@ pub(super) struct OneByOne {
     files: Vec<PathBuf>,
     dims: [usize; 2],
     element: Element,
+    /// Colours of the images with a palette so far.
+    palette: Vec<[u8; 3]>,
     /// Images that were read.
     done: usize,
     /// The image, and how much of it was given away.
@@ -94,7 +103,7 @@ pub(super) struct OneByOne {
 impl OneByOne {
     /// Images of this size and type.
     pub fn new(files: Vec<PathBuf>, dims: [usize; 2], element: Element) -> Self {
-        OneByOne { files, dims, element, done: 0, bytes: Vec::new(), used: 0 }
+        OneByOne { files, dims, element, palette: Vec::new(), done: 0, bytes: Vec::new(), used: 0 }
     }
 
     fn next(&mut self, file: usize) -> Failure<()> {
@@ -103,6 +112,16 @@ impl OneByOne {
             let words = |[w, h]: [usize; 2], element: Element| format!("{w}x{h} px of {}", element.name());
             let (own, first) = (words(image.dims, image.element), words(self.dims, self.element));
             return Err(format!("{own}, but slice 0 has {first}"));
+        }
+        if let Some((number, (own, first))) =
+            image.palette.iter().zip(&self.palette).enumerate().find(|(_, (own, first))| own != first)
+        {
+            return Err(format!(
+                "number {number} of its palette is the colour {own:?}, and {first:?} in slices before it: numbers mean other labels there"
+            ));
+        }
+        if image.palette.len() > self.palette.len() {
+            self.palette = image.palette;
         }
         (self.bytes, self.used, self.done) = (image.bytes, 0, file + 1);
         Ok(())

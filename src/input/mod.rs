@@ -18,6 +18,7 @@ mod numbers;
 mod ome;
 #[cfg(feature = "zarr")]
 mod ome_zarr;
+mod palette;
 mod segments;
 mod sniff;
 pub mod tiff;

@@ -286,3 +286,36 @@ fn images_of_floats_are_the_volume_of_their_numbers() {
     let said = read(&images, &ReadOptions { spacing, ..ReadOptions::default() }).expect_err("no level").to_string();
     assert!(said.contains("level"), "{said}");
 }
+
+/// Writes labels as numbers of these colours.
+fn write_indexed(path: &Path, labels: &[u8], [nx, ny]: [u32; 2], colours: &[[u8; 3]]) {
+    let file = fs::File::create(path).expect("a file can be written");
+    let mut encoder = png::Encoder::new(file, nx, ny);
+    encoder.set_color(png::ColorType::Indexed);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_palette(colours.concat());
+    encoder.write_header().and_then(|mut writer| writer.write_image_data(labels)).expect("it is written");
+}
+
+#[test]
+fn labels_of_images_with_a_palette_are_its_numbers() {
+    let place = folder();
+    let options = ReadOptions { spacing: Some(vec![1.0, 1.0, 4.0]), ..ReadOptions::default() };
+    let label = |n: usize| match [n % 24, n / 24] {
+        [3..9, 4..12] => 1,
+        [14..21, 5..13] => 2,
+        _ => 0,
+    };
+    let labels: Vec<u8> = (0..24 * 18).map(label).collect();
+    let colours = [[0, 0, 0], [128, 0, 0], [0, 128, 0], [224, 224, 192]];
+    // A palette may say no more than the image needs.
+    for (k, colours) in [&colours[..], &colours[..3], &colours[..]].into_iter().enumerate() {
+        write_indexed(&place.path().join(format!("s{k}.png")), &labels, [24, 18], colours);
+    }
+    let stack = read_labels(place.path(), &options, &Wanted::All).expect("a label volume");
+    let drawn: Vec<u32> = labels.iter().map(|l| u32::from(*l)).collect();
+    assert_eq!((&stack.labels[..], &stack.drawn[..]), (&[1, 2][..], &vec![drawn; 3][..]));
+    write_indexed(&place.path().join("s2.png"), &labels, [24, 18], &[[0, 0, 0], [0, 128, 0], [128, 0, 0]]);
+    let e = read_labels(place.path(), &options, &Wanted::All).expect_err("its numbers mean something else").to_string();
+    assert!(e.contains("s2.png") && e.contains("number 1 of its palette is the colour [0, 128, 0]"), "{e}");
+}

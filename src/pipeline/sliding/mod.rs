@@ -11,8 +11,8 @@
 //!
 //! Where such a tube begins or ends a section gains a tail and loses none. It slides, too, if it does so beyond: if in the next gap the part gains another
 //! tail where this one ends, about as long for the height, and slides there or, likewise, in the gap after that. Measured on such coils of three turns
-//! with both ends in the stack: pitch 16, every 4th to 6th slice, .965, .948, .925 without that and .968, .959, .934 with it; pitch 12, every 4th, .881 and
-//! .893; pitch 24, every 5th, .966 and .969; a worm of radius 5 px every 2nd to 6th, .978, .970, .962, .931, .898 and .979, .973, .968, .940, .907.
+//! with both ends in the stack: pitch 16, every 4th to 6th slice, .965, .948, .925 without that and .968, .959, .933 with it; pitch 12, every 4th, .881 and
+//! .893; pitch 24, every 5th, .966 and .968; a worm of radius 5 px every 3rd and 5th, .970, .931 and .972, .939.
 
 mod tail;
 

@@ -4,7 +4,7 @@ use std::cmp::Reverse;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use super::decide::{LabelReach, Layers, NEAR, Rank};
+use super::decide::{CRACK, LabelReach, Layers, NEAR, Rank};
 use super::ended::{EndingLabels, GoesOn, HeightBetween, depth};
 use super::floating::{DecidedStep, FloatingPieces};
 use super::kept::{KeptBody, LayerPatch};
@@ -123,7 +123,7 @@ pub fn decide(
     let ContourStack { dims, spacing, ref unit, geometry, ref slices, .. } = stack.stack;
     let (count, px) = (stack.labels.len(), pixel(&stack.stack));
     let far = plan.settings.margin() as f32 * px;
-    let reach = LabelReach { far, fill: far - px, near: NEAR * px };
+    let reach = LabelReach { far, fill: far - px, near: NEAR * px, crack: CRACK * px };
     let gaps = slices.windows(2).map(|w| w[1].z - w[0].z);
     let same = SAME * gaps.fold(f64::INFINITY, f64::min);
     let groups: Vec<Vec<usize>> = bodies.unions.iter().map(|(members, _)| members.clone()).collect();
@@ -203,6 +203,7 @@ pub fn decide(
             draws_back,
             unions: unions_of,
             touching: &touching,
+            parting: &step.parting,
             ranks: &ranks,
             reach,
             off: &off,
@@ -320,6 +321,8 @@ struct Step {
     /// The drawn slice at this height.
     slice: Option<usize>,
     touching: BTreeSet<LabelPair>,
+    /// Labels that touch on one of the slices around.
+    parting: BTreeSet<LabelPair>,
 }
 
 #[derive(Debug)]
@@ -340,9 +343,9 @@ impl Steps {
             let z = group[0].0;
             let above = slices.partition_point(|s| *s < z - same);
             let slice = slices.get(above).filter(|s| **s <= z + same).map(|_| above);
-            let touching = contacts.around(above, slice);
+            let [touching, parting] = contacts.around(above, slice);
             let z = slice.map_or(z, |k| slices[k]);
-            Step { z, output: group.iter().any(|g| g.1), slice, touching }
+            Step { z, output: group.iter().any(|g| g.1), slice, touching, parting }
         };
         let all = heights.chunk_by(|a, b| b.0 - a.0 <= same).map(at).collect();
         Steps { all }

@@ -14,6 +14,8 @@
 //! - Labels may have different slices ([`given`]). With `d_a` the distance from the nearest slice on which a is known, the second half of the
 //!   maximum is that of `(d_b phi_a - d_a phi_b) / (d_a + d_b)` over all b, which is the above where the distances are the same: what is
 //!   painted stays, and gives way to what is interpolated the more the farther off it was painted. No step at any height.
+//! - Between labels that touch on one of the slices below and above the union counts where their distances add up to less than 2 px, softly:
+//!   `max(u, phi_a + phi_b - 2 px)`.
 //! - Inside the union, less than R (the margin less a pixel) from both, what no label has goes to the nearest that may have it.
 //! - Elsewhere `psi_a` is `phi_a`, bit by bit; the second half of the maximum counts within 3 px of a only.
 //! - Equal distances: the smaller sum over the 3 x 3 pixels around wins, then the label with more drawn pixels, then that whose first drawn

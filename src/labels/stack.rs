@@ -22,18 +22,26 @@ pub(super) struct Contacts {
 }
 
 impl Contacts {
-    /// The pairs that touch on slice `at`, or, where both are not given it, on the two of their slices around it; `at` lies before slice
-    /// `above` where it is none itself.
-    pub fn around(&self, above: usize, at: Option<usize>) -> BTreeSet<LabelPair> {
+    /// The pairs that touch on slice `at`, or, where both are not given it, on the two of their slices around it, and those that touch on one of these
+    /// two: one of both ends, or they part. `at` lies before slice `above` where it is none itself.
+    pub fn around(&self, above: usize, at: Option<usize>) -> [BTreeSet<LabelPair>; 2] {
         let touch = |common: &[(usize, bool)]| {
             let next = common.partition_point(|(k, _)| *k < above);
             let touches = |n: usize| common.get(n).is_some_and(|(_, touches)| *touches);
             match at.is_some_and(|k| common.get(next).is_some_and(|(next, _)| *next == k)) {
-                true => touches(next),
-                false => next > 0 && touches(next - 1) && touches(next),
+                true => [touches(next); 2],
+                false => [next.checked_sub(1).is_some_and(touches), touches(next)],
             }
         };
-        self.pairs.iter().filter(|(_, common)| touch(common)).map(|(pair, _)| *pair).collect()
+        let mut around = [BTreeSet::new(), BTreeSet::new()];
+        for (pair, common) in &self.pairs {
+            match touch(common) {
+                [true, true] => around[0].insert(*pair),
+                [false, false] => false,
+                _ => around[1].insert(*pair),
+            };
+        }
+        around
     }
 }
 

@@ -72,3 +72,24 @@ fn a_cavity_that_ends_below_a_dome_leaves_no_ring_around_it() {
         assert_eq!(holes, 0, "at {z}");
     }
 }
+
+/// Two labels side by side, of which one ends in a dome before the next slice.
+#[test]
+fn no_crack_opens_along_the_border_to_a_label_that_ends() {
+    let label = |[x, y, z]: [f64; 3]| {
+        let [one, other] = [([26.0, 20.0, 33.0], 25.0), ([20.0, 16.0, 16.0], 10.0)].map(|([a, b, c], middle)| {
+            ((x - 32.0) / a).powi(2) + ((y - 24.0) / b).powi(2) + ((z - middle) / c).powi(2) < 1.0
+        });
+        if x < 32.0 { u8::from(one) } else { 2 * u8::from(other) }
+    };
+    let layers = decided(&painted(&[3, 11, 19, 27], label), &ReadOptions::default(), 1).0;
+    let [nx, ny, _] = SIZES;
+    for (z, layer) in layers.iter().enumerate().take(22).skip(19) {
+        let has = |i: usize, j: usize, label: f32| layer.phi.at(i, j) == label;
+        let open = |i: usize, j: usize| {
+            has(i, j, 0.0) && (1..3).any(|s| has(i - s, j, 1.0)) && (1..3).any(|s| has(i + s, j, 2.0))
+        };
+        let cracks = (0..ny).flat_map(|j| (2..nx - 2).map(move |i| (i, j))).filter(|(i, j)| open(*i, *j)).count();
+        assert_eq!(cracks, 0, "at {z}");
+    }
+}

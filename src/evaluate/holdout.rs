@@ -169,7 +169,10 @@ pub fn hold_out(
         // A run wants a height at which there is a body.
         let heights: Vec<f64> = [0, 1, last].map(|k| stack.slices[k].z).into();
         let mut score = |layer: Layer| {
-            let end = [0, last].into_iter().find(|&k| stack.slices[k].z == layer.z && layer.output);
+            // An end plane as near is that height.
+            let z = |k: usize| stack.slices[k].z;
+            let near = |k: usize| if k == 0 { SAME * (z(2) - z(1)) } else { SAME * (z(last - 1) - z(last - 2)) };
+            let end = [0, last].into_iter().find(|&k| (z(k) - layer.z).abs() <= near(k) && layer.output);
             let Some(k) = end else { return Ok(()) };
             let linear = Between::around(&rest, layer.z);
             out.ends.extend(scored(stack, k, &layer, &linear, &view, &mut [Tally::default(); 2]));

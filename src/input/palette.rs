@@ -1,6 +1,5 @@
 //! A PNG whose pixels are numbers of colours in a palette: the numbers, not the colours.
 
-use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
@@ -35,7 +34,7 @@ impl Indexed {
             return Ok(None);
         }
         let unreadable = |e: DecodingError| format!("cannot read: {e}");
-        let file = BufReader::new(File::open(path).map_err(|e| format!("cannot read: {e}"))?);
+        let file = BufReader::new(regular::open(path).map_err(|e| format!("cannot read: {e}"))?);
         let mut decoder = Decoder::new_with_limits(file, Limits { bytes: BESIDE });
         decoder.set_transformations(Transformations::IDENTITY);
         if decoder.read_header_info().map_err(unreadable)?.color_type != ColorType::Indexed {
@@ -67,8 +66,11 @@ impl Indexed {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use std::fs::File;
+
     use png::{BitDepth, Encoder};
+
+    use super::*;
 
     fn read(bits: BitDepth, width: u32, packed: &[u8], palette: &[u8]) -> Option<Indexed> {
         let folder = tempfile::tempdir().expect("a folder");

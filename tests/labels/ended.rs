@@ -93,3 +93,16 @@ fn no_crack_opens_along_the_border_to_a_label_that_ends() {
         assert_eq!(cracks, 0, "at {z}");
     }
 }
+
+/// What is around a label says nothing of how it ends: a ball in a block is the ball that ends towards slices without it.
+#[test]
+fn a_label_amid_another_ends_as_it_does_where_slices_are_complete() {
+    let complete = ReadOptions { complete_slices: true, ..ReadOptions::default() };
+    for middle in [13.0, 14.0, 15.0, 16.0, 17.0] {
+        let away = |[x, y, z]: [f64; 3]| (x - 32.0).hypot(y - 24.0).hypot(z - middle);
+        let voxels = painted(&ROW, |at| if away(at) < 10.0 { 2 } else { 1 });
+        let [own, whole] = [ReadOptions::default(), complete.clone()].map(|o| areas(&decided(&voxels, &o, 1).0, 2));
+        assert_eq!(own, whole, "about {middle}");
+        assert!(own.iter().sum::<usize>() > 3500, "{own:?}");
+    }
+}

@@ -9,6 +9,8 @@ use super::{PlaneDrawing, Polygon};
 
 /// Share of the smaller of two lines' areas that lies, and that does not lie, within the other from which on they cross.
 const SHARE: f64 = 0.02;
+/// Share of an area that rounding may bring in.
+const LEAST: f64 = 1e-6;
 /// Rows by which areas are measured.
 const LINES: usize = 64;
 /// Planes that are named.
@@ -41,6 +43,25 @@ fn planes(drawings: &[PlaneDrawing], of: impl Fn(&Vec<Polygon>) -> bool) -> Opti
     (!named.is_empty()).then(|| format!("{}{more}", named.join(", ")))
 }
 
+/// Areas that two closed lines bound.
+pub struct Overlap {
+    /// Of each alone.
+    pub areas: [f64; 2],
+    /// What lies inside both.
+    pub both: f64,
+}
+
+impl Overlap {
+    /// What lies inside one line alone has the area `A + B - 2 I`, with I that of what lies inside both.
+    pub fn new(lines: [&Polygon; 2]) -> Self {
+        let [low, high] = bounds(lines.into_iter().flatten());
+        let tolerance = 1e-9 * (high - low).max_element();
+        let of = |polygons: &[Polygon]| area(&contour_edges(polygons, tolerance), [low.y, high.y], LINES);
+        let areas @ [a, b] = lines.map(|line| of(std::slice::from_ref(line)));
+        Overlap { areas, both: 0.5 * (a + b - of(&lines.map(Polygon::clone))) }
+    }
+}
+
 /// A closed line and the box around it.
 struct Line<'p> {
     polygon: &'p Polygon,
@@ -52,19 +73,16 @@ impl<'p> Line<'p> {
         Line { polygon, bounds: bounds(polygon.iter()) }
     }
 
-    /// Whether part of the smaller area lies within the other, and part beyond it. What lies inside one line alone has the area `A + B - 2 I`, with I that
-    /// of what lies inside both.
+    /// Whether they have an area in common, and each has one beyond the other, of which neither is but a share of [`SHARE`]: of the smaller area, or of what lies
+    /// inside one line alone. Of a line that is drawn again a little beside the latter is little itself.
     fn crosses(&self, other: &Line<'_>) -> bool {
         let [[low, high], [other_low, other_high]] = [self.bounds, other.bounds];
         if !low.max(other_low).cmplt(high.min(other_high)).all() {
             return false;
         }
-        let (low, high) = (low.min(other_low), high.max(other_high));
-        let tolerance = 1e-9 * (high - low).max_element();
-        let of = |polygons: &[Polygon]| area(&contour_edges(polygons, tolerance), [low.y, high.y], LINES);
-        let [a, b] = [self, other].map(|line| of(std::slice::from_ref(line.polygon)));
-        let both = 0.5 * (a + b - of(&[self.polygon.clone(), other.polygon.clone()]));
-        both > SHARE * a.min(b) && both < (1.0 - SHARE) * a.min(b)
+        let Overlap { areas, both } = Overlap::new([self.polygon, other.polygon]);
+        let (smaller, alone) = (areas[0].min(areas[1]), areas[0] + areas[1] - 2.0 * both);
+        both > SHARE * smaller && smaller - both > SHARE * smaller.min(alone).max(LEAST * smaller)
     }
 
     /// Whether it goes twice, or any other even number of times, round more than [`SHARE`] of what it bounds. A way to a hole and back goes round the
@@ -117,6 +135,9 @@ mod tests {
         for (other, crosses) in [
             (circle([8.0, 3.0], 6.0), true),
             (circle([13.0, 0.0], 4.0), true),
+            (circle([0.3, 0.0], 10.2), true),
+            (circle([0.1, 0.0], 10.0), true),
+            (circle([0.1, 0.0], 10.2), false),
             (circle([2.0, 1.0], 5.0), false),
             (circle([0.0; 2], 9.99), false),
             (circle([30.0, 0.0], 6.0), false),

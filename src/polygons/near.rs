@@ -2,7 +2,8 @@
 //! pair bounds a sliver along the line, and what it goes round is gone.
 //!
 //! A ring as thin may be meant. Its two lines do not cross, and it is one from a tenth of a pixel on. Lines that cross bound no ring: they are
-//! compared by the pixel that one of them would have alone, as the sliver between them makes the drawing's own pixels small.
+//! compared by the pixel that one of them would have alone, as the sliver between them makes the drawing's own pixels small. And whatever a pixel is one is
+//! a copy of the other that has nine tenths of its area, and as much beyond it as it leaves out.
 
 use std::collections::{BTreeSet, HashSet};
 
@@ -10,6 +11,7 @@ use glam::DVec2;
 use rstar::primitives::{GeomWithData, Line};
 use rstar::{AABB, RTree};
 
+use super::crossing::Overlap;
 use super::grid::{bounds, figures};
 use super::pixel::pixel_side;
 use super::zones::measures;
@@ -22,6 +24,11 @@ const LIKE: f64 = 0.125;
 /// Pixels along the longer side of the box around a line are at least so many where they are chosen for it alone: its mean width is half of that side
 /// at most, and has eight.
 const LARGEST: f64 = 16.0;
+
+/// Share of the larger of two areas that a line drawn again has at least.
+const AGAIN: f64 = 0.9;
+/// Share of what lies inside one of them alone that is on either side, at least: half and half where a line is drawn again beside, nothing of a ring.
+const EITHER: f64 = 0.25;
 
 /// A line that nearly coincides with one before it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,11 +68,16 @@ pub fn near_copies(region: &[Polygon], pixel: &dyn Fn() -> f64) -> Vec<NearCopy>
             let alike = tree.locate_in_envelope(around(slack)).map(|other| other.data);
             alike.filter(|of| *of < line && !left_out.contains(of)).collect::<BTreeSet<usize>>()
         };
-        if before(LIKE * longer).is_empty() {
+        let alike = before(LIKE * longer);
+        if alike.is_empty() {
             continue;
         }
-        let farthest = APART * pixel().max(longer / LARGEST);
-        let found = before(farthest).into_iter().find_map(|of| Some((of, near([&region[line], &region[of]], pixel)?)));
+        let nearest = before(APART * pixel().max(longer / LARGEST));
+        let found = alike.into_iter().find_map(|of| {
+            let lines = [&region[line], &region[of]];
+            let near = nearest.contains(&of).then(|| near(lines, pixel)).flatten();
+            Some((of, near.or_else(|| drawn_again(lines))?))
+        });
         if let Some((of, apart)) = found {
             left_out.insert(line);
             copies.push(NearCopy { line, of, apart });
@@ -91,6 +103,19 @@ fn near(lines: [&Polygon; 2], pixel: &dyn Fn() -> f64) -> Option<f64> {
     let trees = lines.map(|line| RTree::bulk_load(sides(line).collect()));
     let apart = farthest(lines[0], &trees[1], most)?.max(farthest(lines[1], &trees[0], most)?);
     (apart <= as_drawn || cross(lines[0], &trees[1])).then_some(apart)
+}
+
+/// How far two lines are apart, if one is the other drawn again a little beside.
+fn drawn_again(lines: [&Polygon; 2]) -> Option<f64> {
+    let Overlap { areas, both } = Overlap::new(lines);
+    let beyond = areas.map(|area| area - both);
+    let alike = both > AGAIN * areas[0].max(areas[1]) && beyond[0].min(beyond[1]) > EITHER * (beyond[0] + beyond[1]);
+    let trees = lines.map(|line| RTree::bulk_load(sides(line).collect()));
+    if !alike || !cross(lines[0], &trees[1]) {
+        return None;
+    }
+    let apart = [farthest(lines[0], &trees[1], f64::INFINITY)?, farthest(lines[1], &trees[0], f64::INFINITY)?];
+    Some(apart[0].max(apart[1]))
 }
 
 /// Sides of a line that have a length.
@@ -149,8 +174,17 @@ mod tests {
             assert_eq!(copies(&[disc.clone(), other.clone()], 0.15), [[1, 0]], "{:?}", other[0]);
             assert_eq!(copies(&[other, disc.clone()], 0.15), [[1, 0]]);
         }
-        // By the pixels that are given a ring is thick, as a moon is.
-        for other in [circle([100.0, 50.0], 19.97, 60), beside(0.3), circle([100.0, 50.0], 10.0, 60)] {
+        // Beside by whole pixels it is one, too.
+        for by in [0.3, 1.0, 2.5] {
+            assert_eq!(copies(&[disc.clone(), beside(by)], 0.15), [[1, 0]], "{by}");
+        }
+        // By the pixels that are given a ring is thick, as is one that touches; a part that overlaps is another.
+        for other in [
+            circle([100.0, 50.0], 19.97, 60),
+            circle([100.5, 50.0], 19.5, 60),
+            circle([100.0, 50.0], 10.0, 60),
+            beside(4.0),
+        ] {
             assert_eq!(copies(&[disc.clone(), other.clone()], 0.15), <[[usize; 2]; 0]>::default(), "{:?}", other[0]);
         }
         assert_eq!(copies(&[disc.clone(), circle([100.0, 50.0], 19.99, 60)], 0.05), <[[usize; 2]; 0]>::default());

@@ -131,11 +131,12 @@ fn left_out(files: &[PathBuf], kind: &str, what: &str, others: usize) -> Option<
     })
 }
 
-/// Words where the names of slices, in order, have a number twice: a file may be a copy.
+/// Words where the names of slices, in order, have a number twice, or one is another with something behind its number: a file may be a copy.
 pub(super) fn repeats(names: &[&str]) -> Option<String> {
     let numbered: Vec<Option<(String, Vec<u64>)>> = names.iter().map(|name| numbers(name)).collect();
-    let alike =
-        |k: &usize| numbered[*k].as_ref().is_some_and(|(_, own)| !own.is_empty()) && numbered[*k] == numbered[k + 1];
+    let same =
+        |k: usize| numbered[k].as_ref().is_some_and(|(_, own)| !own.is_empty()) && numbered[k] == numbered[k + 1];
+    let alike = |k: &usize| same(*k) || is_more_of(names[*k], names[k + 1]) || is_more_of(names[k + 1], names[*k]);
     let places: Vec<usize> = (0..names.len().saturating_sub(1)).filter(alike).collect();
     let &k = places.first()?;
     let more = if places.len() > 1 {
@@ -148,6 +149,15 @@ pub(super) fn repeats(names: &[&str]) -> Option<String> {
         names[k],
         names[k + 1]
     ))
+}
+
+/// Whether a name is another one, that has a number, with something behind it, as a copy's is: `s02 copy.png`, `s02 (1).png`.
+fn is_more_of(name: &str, other: &str) -> bool {
+    let stem = |name| Path::new(name).file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+    let (name, other) = (stem(name), stem(other));
+    let more = name.strip_prefix(&other).and_then(|more| more.chars().next());
+    // A point, a comma or a hyphen may belong to a number.
+    other.ends_with(|c: char| c.is_ascii_digit()) && more.is_some_and(|c| c.is_alphabetic() || " _(".contains(c))
 }
 
 /// Words where the numbers in the names of slices, in order, leave some out: a file may be missing.
@@ -313,6 +323,8 @@ mod tests {
             &["a1.png", "b1.png"],
             &["a.png", "b.png"],
             &["s1.png", "s1.tif"],
+            &["z1.png", "z1.5.png", "z2.png", "z10.png"],
+            &["mask.png", "mask copy.png"],
             &[],
         ] {
             assert_eq!(repeats(names), None, "{names:?}");
@@ -320,6 +332,15 @@ mod tests {
         let told =
             repeats(&["m_0.png", "m_000.png", "m_1.png", "m_2.png", "m_002.png"]).expect("0 and 2 are there twice");
         assert!(told.starts_with("`m_0.png` and `m_000.png` have the same number (and so at 1 place more)"), "{told}");
+        for copy in ["s2 copy.png", "s2 (1).png", "s2_old.png", "s2b.tif"] {
+            let mut names = vec!["s1.png".to_string(), "s2.png".into(), copy.into(), "s3.png".into(), "s10.png".into()];
+            sort_by_number(&mut names);
+            let told = repeats(&names.iter().map(String::as_str).collect::<Vec<_>>()).unwrap_or_default();
+            assert!(
+                told.contains(copy) && told.contains("`s2.png`") && told.contains("same number:"),
+                "{copy}: {told}"
+            );
+        }
         let told = skips(&["s1.png", "s2.png", "s4.png", "s5.png", "s6.png"]).expect("3 is missing");
         assert!(told.starts_with("between `s2.png` and `s4.png` numbers are left out: the slices"), "{told}");
         let names = ["a 0.tif", "a 5.tif", "a 15.tif", "a 20.tif", "a 25.tif", "a 30.tif", "a 40.tif", "a 45.tif"];

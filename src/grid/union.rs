@@ -1,4 +1,4 @@
-//! Union of bodies by their signed distances: the smaller one counts, square by square.
+//! Union and difference of bodies by their signed distances, square by square: the smaller one counts, or the larger of one and the other's negative.
 
 use std::ops::Range;
 
@@ -7,11 +7,18 @@ use super::sparse_image::{SQUARE, SparseImage};
 /// Unites a layer with a body that covers these columns and rows of it; `of_row` writes the body's distances in row j from a column on.
 pub fn unite(phi: &mut SparseImage<f32>, covered: [Range<usize>; 2], of_row: impl Fn([usize; 2], &mut [f32])) {
     for (square, part) in squares(covered) {
-        unite_square(phi, square, &part, &of_row);
+        change_square(phi, square, &part, &of_row, f32::min);
     }
 }
 
-/// The same with a body that is there, whose pixel at `offset` lies on the layer's first; a distance counts as what `change` makes of it.
+/// Takes such a body out of a layer.
+pub fn take_out(phi: &mut SparseImage<f32>, covered: [Range<usize>; 2], of_row: impl Fn([usize; 2], &mut [f32])) {
+    for (square, part) in squares(covered) {
+        change_square(phi, square, &part, &of_row, |v, body| v.max(-body));
+    }
+}
+
+/// [`unite`] with a body that is there, whose pixel at `offset` lies on the layer's first; a distance counts as what `change` makes of it.
 pub fn unite_packed(
     phi: &mut SparseImage<f32>,
     covered: [Range<usize>; 2],
@@ -24,11 +31,14 @@ pub fn unite_packed(
         let [columns, rows] = [0, 1].map(|a| own(part[a].start, a)..own(part[a].end, a));
         match body.whole_within(&columns, &rows).map(&change) {
             Some(v) if phi.whole(square).is_some_and(|here| here <= v) => {}
-            Some(v) => unite_square(phi, square, &part, &|_, out: &mut [f32]| out.fill(v)),
-            None => unite_square(phi, square, &part, &|[i, j], out: &mut [f32]| {
-                body.read(own(i, 0), own(j, 1), out);
-                out.iter_mut().for_each(|v| *v = change(*v));
-            }),
+            Some(v) => change_square(phi, square, &part, &|_, out: &mut [f32]| out.fill(v), f32::min),
+            None => {
+                let of_row = |[i, j]: [usize; 2], out: &mut [f32]| {
+                    body.read(own(i, 0), own(j, 1), out);
+                    out.iter_mut().for_each(|v| *v = change(*v));
+                };
+                change_square(phi, square, &part, &of_row, f32::min);
+            }
         }
     }
 }
@@ -42,12 +52,13 @@ fn squares([columns, rows]: [Range<usize>; 2]) -> impl Iterator<Item = ([usize; 
     cut(rows).flat_map(move |(row, js)| cut(columns.clone()).map(move |(column, is)| ([column, row], [is, js.clone()])))
 }
 
-/// Unites a part of one square; where the body is nowhere nearer nothing changes.
-fn unite_square(
+/// Gives a part of one square the value that `both` makes of its own and the body's; where it is everywhere its own nothing changes.
+fn change_square(
     phi: &mut SparseImage<f32>,
     square: [usize; 2],
     [columns, rows]: &[Range<usize>; 2],
     of_row: &impl Fn([usize; 2], &mut [f32]),
+    both: impl Fn(f32, f32) -> f32,
 ) {
     let mut values = *phi.square(square);
     let (mut least, mut most, mut changed) = (f32::INFINITY, f32::NEG_INFINITY, false);
@@ -56,8 +67,9 @@ fn unite_square(
         let row = &mut row[..columns.len()];
         of_row([columns.start, j], row);
         for (v, new) in values[j % SQUARE * SQUARE + columns.start % SQUARE..].iter_mut().zip(&*row) {
-            changed |= *new < *v;
-            *v = v.min(*new);
+            let now = both(*v, *new);
+            changed |= now != *v;
+            *v = now;
             (least, most) = (least.min(*v), most.max(*v));
         }
     }

@@ -1,7 +1,7 @@
-//! The last stage of both methods: layers get what slides, are faired, held together, looked at and handed on.
+//! The last stage of both methods: layers get what is hollow and what slides, are faired, held together, looked at and handed on.
 //!
 //! ```text
-//! a thread: make -> Slides -> Fairing        a thread: Together -> certificate        the calling thread: sink
+//! a thread: make -> Hollows -> Slides -> Fairing        a thread: Together -> certificate        the calling thread: sink
 //! ```
 
 use std::panic::resume_unwind;
@@ -11,6 +11,7 @@ use std::thread;
 
 use super::connect::together;
 use super::context::{Context, Sink};
+use super::hollow::Hollows;
 use super::links::{IntervalLinks, fairing_shares};
 use super::sliding::Slides;
 use crate::contour::Contour;
@@ -56,8 +57,9 @@ pub(super) fn faired<'a>(
     let alone = run.budget.is_bounded() || rayon::current_thread_index().is_some();
     let mut together = together(run, links, contours, &end, (!alone).then(|| run.clocks.clone()));
     let fairing = fairing(run, links, contours, moving)?;
-    let slides = moving.map(|moving| Slides::new(run, links, contours, moving));
-    let fair = |take: &mut Sink<'_>| fair(slides, fairing, make, take);
+    let drawn =
+        moving.map(|moving| (Hollows::new(run, links, contours, moving), Slides::new(run, links, contours, moving)));
+    let fair = |take: &mut Sink<'_>| fair(drawn, fairing, make, take);
     let hold = |take: &mut Sink<'_>| {
         let mut looked_at = |layers| look(layers).into_iter().try_for_each(&mut *take);
         let hold = &mut |layer| together.push(layer, &mut looked_at);
@@ -92,19 +94,22 @@ fn beside(run: &Context<'_>, make: impl Make, take: &mut Sink<'_>) -> Result<()>
     })
 }
 
-/// Makes layers and hands them on, with what slides, faired if that is wanted.
+/// Makes layers and hands them on, with what is hollow and what slides, faired if that is wanted.
 fn fair(
-    mut slides: Option<Slides<'_, '_>>,
+    mut drawn: Option<(Hollows<'_, '_>, Slides<'_, '_>)>,
     fairing: Option<Fairing<'_>>,
     make: impl Make,
     take: &mut Sink<'_>,
 ) -> Result<()> {
-    let mut slid = |mut layer: Layer| match &mut slides {
-        Some(slides) => slides.draw(&mut layer).map(|()| layer),
-        None => Ok(layer),
+    let mut with_drawn = |mut layer: Layer| {
+        if let Some((hollows, slides)) = &mut drawn {
+            hollows.draw(&mut layer)?;
+            slides.draw(&mut layer)?;
+        }
+        Ok(layer)
     };
-    let Some(mut fairing) = fairing else { return make(&mut |layer| take(slid(layer)?)) };
-    make(&mut |layer| fairing.push(slid(layer)?, take))?;
+    let Some(mut fairing) = fairing else { return make(&mut |layer| take(with_drawn(layer)?)) };
+    make(&mut |layer| fairing.push(with_drawn(layer)?, take))?;
     fairing.finish(take)
 }
 

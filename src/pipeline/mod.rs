@@ -18,6 +18,7 @@ mod finish;
 pub(crate) mod fit;
 mod grazing;
 mod hole_tiles;
+mod hollow;
 mod leaps;
 mod links;
 pub(crate) mod matching;

@@ -14,6 +14,7 @@ mod ends;
 mod files;
 mod fine_pixels;
 mod holdout;
+mod hollow;
 mod kernels;
 mod known_part;
 mod links;

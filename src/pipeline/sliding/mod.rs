@@ -14,6 +14,8 @@
 //! with both ends in the stack: pitch 16, every 4th to 6th slice, .965, .948, .925 without that and .968, .959, .933 with it; pitch 12, every 4th, .881 and
 //! .893; pitch 24, every 5th, .966 and .968; a worm of radius 5 px every 3rd and 5th, .970, .931 and .972, .939.
 
+mod candidates;
+mod hollow;
 mod tail;
 
 use std::collections::BTreeMap;
@@ -22,27 +24,24 @@ use std::sync::Arc;
 
 use glam::DVec2;
 
-use self::tail::{AROUND, Beside, RIM, Tail, read};
+use self::candidates::Candidates;
+use self::hollow::{SlidingTubes, Tubes};
+use self::tail::{Tail, read};
 use super::context::Context;
+use super::hollow::slice::HollowSlices;
 use super::links::IntervalLinks;
 use super::section::NEIGHBOURS;
 use crate::contour::Contour;
 use crate::error::Result;
-use crate::grid::field::{cell, position};
 use crate::grid::sparse_image::SparseImage;
-use crate::grid::tile::{Tile, samples};
-use crate::grid::union::unite;
+use crate::grid::tile::Tile;
+use crate::grid::union::{take_out, unite};
 use crate::registration::displacement::Displacement;
 use crate::registration::motion_field::{MotionField, Paths, time};
 use crate::registration::motion_stack::MotionStack;
 use crate::storage::spill::SpillVec;
 use crate::surface::Layer;
 
-/// How many times as long as the other one of two tails may be. Coils of pitch 12 and 16, every 5th and 6th slice: Dice .922 and .913 with 1.5,
-/// .931 and .925 with 2, .934 and .925 with 4.
-const ALIKE: f64 = 2.0;
-/// Share of a part that its tail and what is common have at least: with half of a part a gyroid that changes too fast for its slices loses .005.
-const WHOLE: f64 = 0.8;
 /// Gaps beyond an interval that may say that a tail slides there: as many as sections of a stack know as the whole stack does.
 const FOLLOWED: usize = NEIGHBOURS;
 
@@ -59,8 +58,9 @@ pub(super) struct Slides<'r, 'b> {
     limit: f64,
     /// What slides in the interval of the layers that come, and the way through it.
     current: Option<(Sliding, MotionField)>,
+    hollow: HollowSlices<'r, 'b>,
     /// Tails of the intervals around it.
-    known: BTreeMap<usize, Arc<Candidates>>,
+    known: BTreeMap<usize, Arc<Tails>>,
 }
 
 impl<'r, 'b> Slides<'r, 'b> {
@@ -81,6 +81,7 @@ impl<'r, 'b> Slides<'r, 'b> {
             px: run.px,
             limit,
             current: None,
+            hollow: HollowSlices::new(contours),
             known: BTreeMap::new(),
         }
     }
@@ -102,19 +103,19 @@ impl<'r, 'b> Slides<'r, 'b> {
     /// What slides between contour `i` and the next, if anything does.
     fn interval(&mut self, i: usize) -> Result<Option<(Sliding, MotionField)>> {
         self.known.retain(|k, _| k + FOLLOWED >= i);
-        let none = |own: &Candidates| own.tails.iter().all(Vec::is_empty);
-        if i + 1 == self.contours.len() || none(&*self.candidates(i)?) {
+        self.hollow.forget_below(i);
+        if i + 1 == self.contours.len() || self.tails(i)?.is_empty() {
             return Ok(None);
         }
         let last = self.contours.len() - 2;
         let around = i.saturating_sub(FOLLOWED)..=(i + FOLLOWED).min(last);
-        let around = around.map(|k| Ok((k, self.candidates(k)?))).collect::<Result<BTreeMap<_, _>>>()?;
+        let around = around.map(|k| Ok((k, self.tails(k)?))).collect::<Result<BTreeMap<_, _>>>()?;
         let sliding = Sliding::new(&around, i);
         if sliding.is_empty() { Ok(None) } else { Ok(Some((sliding, self.moving.frame(i..i + 2)?))) }
     }
 
     /// The tails that may slide between contour `i` and the next.
-    fn candidates(&mut self, i: usize) -> Result<Arc<Candidates>> {
+    fn tails(&mut self, i: usize) -> Result<Arc<Tails>> {
         if let Some(known) = self.known.get(&i) {
             return Ok(known.clone());
         }
@@ -122,11 +123,32 @@ impl<'r, 'b> Slides<'r, 'b> {
         let made = if drawn(i) && drawn(i + 1) {
             let slices = [self.contours.get(i)?, self.contours.get(i + 1)?];
             let (slices, gap) = (slices.each_ref().map(|slice| &**slice), self.moving.gap(i));
-            Candidates::new(slices, &*self.moving.at_slices(i)?, gap, &self.parted[i], self.h)
+            let (at_slices, parted) = (self.moving.at_slices(i)?, &self.parted[i]);
+            let solid = Candidates::new(slices, &at_slices, gap, parted, self.h);
+            let hollow = if slices.iter().all(|contour| contour.holes > 0) {
+                let hollow = [self.hollow.get(i)?, self.hollow.get(i + 1)?];
+                Tubes::new(slices, hollow, &at_slices, gap, parted, self.h)
+            } else {
+                None
+            };
+            Tails { solid, hollow }
         } else {
-            Candidates::default()
+            Tails::default()
         };
         Ok(self.known.entry(i).or_insert(Arc::new(made)).clone())
+    }
+}
+
+/// Tails of an interval's parts, and of those of them that are hollow.
+#[derive(Default)]
+struct Tails {
+    solid: Candidates,
+    hollow: Option<Tubes>,
+}
+
+impl Tails {
+    fn is_empty(&self) -> bool {
+        self.solid.is_empty() && self.hollow.is_none()
     }
 }
 
@@ -134,106 +156,65 @@ impl<'r, 'b> Slides<'r, 'b> {
 #[derive(Debug, Clone, Default)]
 struct Sliding {
     tails: [Vec<Tail>; 2],
-}
-
-/// A tail, and the parts of the lower and upper slice that have it in common.
-struct Found {
-    pair: [u32; 2],
-    tail: Tail,
-}
-
-/// Tails of the lower slice of an interval and of its upper one, that slide if others say so.
-#[derive(Default)]
-struct Candidates {
-    tails: [Vec<Found>; 2],
-    /// Height of the interval.
-    gap: f64,
-    /// Pixel sides.
-    h: [f64; 2],
-}
-
-impl Candidates {
-    /// Those of two slices, but of the pairs of parts that are kept `apart`; `at_slices` is the displacement read at both.
-    fn new(
-        [low, high]: [&Contour; 2],
-        at_slices: &[Displacement; 2],
-        gap: f64,
-        apart: &[(u32, u32)],
-        h: [f64; 2],
-    ) -> Self {
-        let lower = found(low, high, (&at_slices[0], 1.0), h);
-        let mut upper = found(high, low, (&at_slices[1], -1.0), h);
-        upper.iter_mut().for_each(|found| found.pair.reverse());
-        let mut tails = [lower, upper];
-        tails.iter_mut().for_each(|tails| tails.retain(|found| !apart.contains(&found.pair.into())));
-        Candidates { tails, gap, h }
-    }
-
-    /// Whether the part of a tail of the lower or upper slice loses, or gains, one about as long at its other end.
-    fn slides(&self, side: usize, one: &Found) -> bool {
-        let alike = |other: &Found| other.pair == one.pair && alike(one.tail.length, other.tail.length);
-        self.tails[1 - side].iter().any(alike)
-    }
-
-    /// Whether `one`, a tail of the lower or upper slice, slides: by itself, or because what it becomes does in the intervals `beyond` that slice, the
-    /// nearest first.
-    fn goes(&self, side: usize, one: &Found, beyond: &[&Candidates]) -> bool {
-        self.slides(side, one)
-            || beyond.split_first().is_some_and(|(next, beyond)| {
-                let mut on = next.tails[side].iter().filter(|on| {
-                    on.pair[1 - side] == one.pair[side]
-                        && alike(on.tail.length / next.gap, one.tail.length / self.gap)
-                        && self.apart(on.tail.root, one.tail.tip) < self.apart(on.tail.root, one.tail.root)
-                });
-                on.any(|on| next.goes(side, on, beyond))
-            })
-    }
-
-    /// Distance of two pixels, px.
-    fn apart(&self, a: [usize; 2], b: [usize; 2]) -> f64 {
-        let [x, y] = [0, 1].map(|k| self.h[k] * a[k].abs_diff(b[k]) as f64);
-        libm::hypot(x, y)
-    }
-}
-
-/// Whether of two lengths neither is more than [`ALIKE`] times as large as the other.
-fn alike(a: f64, b: f64) -> bool {
-    a.max(b) <= ALIKE * a.min(b)
+    hollow: SlidingTubes,
 }
 
 impl Sliding {
     /// What slides in interval `i`, as the tails of the intervals `around` it say.
-    fn new(around: &BTreeMap<usize, Arc<Candidates>>, i: usize) -> Self {
+    fn new(around: &BTreeMap<usize, Arc<Tails>>, i: usize) -> Self {
         let Some(own) = around.get(&i) else { return Sliding::default() };
-        let beyond = [
-            around.range(..i).rev().map(|(_, candidates)| &**candidates).collect::<Vec<_>>(),
-            around.range(i + 1..).map(|(_, candidates)| &**candidates).collect(),
+        let beyond: [Vec<&Tails>; 2] = [
+            around.range(..i).rev().map(|(_, tails)| &**tails).collect(),
+            around.range(i + 1..).map(|(_, tails)| &**tails).collect(),
         ];
+        let hollow = own.hollow.as_ref().map_or_else(SlidingTubes::default, |tubes| {
+            let beyond =
+                beyond.each_ref().map(|tails| tails.iter().map_while(|t| t.hollow.as_ref()).collect::<Vec<_>>());
+            tubes.sliding([&beyond[0], &beyond[1]])
+        });
         let tails = |side: usize| -> Vec<Tail> {
-            let tails = own.tails[side].iter().filter(|one| own.goes(side, one, &beyond[side]));
-            tails.map(|one| one.tail.clone()).collect()
+            let beyond: Vec<&Candidates> = beyond[side].iter().map(|tails| &tails.solid).collect();
+            let solid = own.solid.sliding(side, &beyond).into_iter().filter(|one| !hollow.pairs.contains(&one.pair));
+            solid.map(|one| one.tail.clone()).collect()
         };
-        Sliding { tails: [tails(0), tails(1)] }
+        Sliding { tails: [tails(0), tails(1)], hollow }
     }
 
     fn is_empty(&self) -> bool {
-        self.tails.iter().all(Vec::is_empty)
+        self.tails.iter().all(Vec::is_empty) && self.hollow.pairs.is_empty()
     }
 
     /// Unites the layer at time `t`, which shows the padded image from pixel `pad` on, with the tails, whose distances count as what `change` makes of
     /// them; `paths` lead through it.
     fn draw(&self, phi: &mut SparseImage<f32>, pad: [usize; 2], paths: &Paths, t: f64, change: impl Fn(f64) -> f32) {
         let ways = [(&paths.come, -1.0, t), (&paths.go, 1.0, 1.0 - t)];
-        for (tails, (way, sign, t)) in self.tails.iter().zip(ways) {
-            for tail in tails {
-                let values = tail.at(t);
-                unite(phi, seen(tail.tile, way, pad, phi.dims()), |[i, j], out| {
-                    for (k, v) in out.iter_mut().enumerate() {
-                        let x = DVec2::new((i + pad[0] + k) as f64, (j + pad[1]) as f64);
-                        *v = change(read(&values, tail.tile.to_local(x + sign * way.at(x))));
-                    }
-                });
+        let at = |[i, j]: [usize; 2], k: usize| DVec2::new((i + pad[0] + k) as f64, (j + pad[1]) as f64);
+        let dims = phi.dims();
+        let mut each = |sides: &[Vec<Tail>; 2], taken: bool| {
+            for (tails, (way, sign, t)) in sides.iter().zip(ways) {
+                for tail in tails {
+                    let values = tail.at(t);
+                    let of_row = |from: [usize; 2], out: &mut [f32]| {
+                        for (k, v) in out.iter_mut().enumerate() {
+                            let x = at(from, k);
+                            *v = change(read(&values, tail.tile.to_local(x + sign * way.at(x))));
+                        }
+                    };
+                    let covered = seen(tail.tile, way, pad, dims);
+                    if taken { take_out(phi, covered, of_row) } else { unite(phi, covered, of_row) }
+                }
             }
+        };
+        each(&self.tails, false);
+        each(&self.hollow.filled, false);
+        each(&self.hollow.holes, true);
+        for held in &self.hollow.held {
+            take_out(phi, seen(held.tile(0), &paths.come, pad, dims), |from, out| {
+                for (k, v) in out.iter_mut().enumerate() {
+                    let x = at(from, k);
+                    *v = change(held.at([x - paths.come.at(x), x + paths.go.at(x)]));
+                }
+            });
         }
     }
 }
@@ -245,45 +226,6 @@ fn seen(tile: Tile, way: &Displacement, pad: [usize; 2], dims: [usize; 2]) -> [R
         let from = tile.origin[a].saturating_sub(reach + pad[a]).min(dims[a]);
         from..(tile.origin[a] + tile.dims[a] + reach).saturating_sub(pad[a]).clamp(from, dims[a])
     })
-}
-
-/// Tails of the parts of a slice beside another one, to which motion brings it, with the numbers of its own part and of that over which it begins.
-fn found(own: &Contour, other: &Contour, (to, sign): (&Displacement, f64), h: [f64; 2]) -> Vec<Found> {
-    let nx = own.phi.dims[0];
-    let there = |n: usize| {
-        let x = position(n, nx);
-        x + sign * to.at(x)
-    };
-    let mut far = vec![false; own.solids.count + 1];
-    let reach = to.largest() * std::f64::consts::SQRT_2;
-    for (n, part) in own.solids.labels.iter().enumerate().filter(|(_, part)| **part > 0) {
-        if !far[*part as usize] && other.phi.data[n] > RIM - reach {
-            far[*part as usize] = other.phi.sample(there(n)) > RIM;
-        }
-    }
-    let margin = samples(AROUND, h).map(|n| n.max(AROUND) + 1);
-    let parts = (1..=own.solids.count as u32).filter(|part| far[*part as usize]);
-    let by_depth = |a: &usize, b: &usize| other.phi.data[*a].total_cmp(&other.phi.data[*b]);
-    let of_part = |part: u32| {
-        let tile = own.tile_of(&[part], margin);
-        let other_at = |n: usize| other.phi.sample(there(n));
-        let beside = Beside {
-            tile,
-            h,
-            own: tile.cut(&own.phi),
-            other: tile.nodes(nx).map(other_at).collect(),
-            part: tile.nodes(nx).map(|n| own.solids.labels[n] == part).collect(),
-        };
-        let over = |tail: Tail| {
-            // What is common lies inside, so that at least one of the pixels around it does.
-            let ([i, j], _) = cell(other.phi.dims, there(tail.root[1] * nx + tail.root[0]), 0);
-            let n = j * nx + i;
-            let deepest = [n, n + 1, n + nx, n + nx + 1].into_iter().min_by(by_depth)?;
-            Some(Found { pair: [part, other.solids.labels[deepest]], tail })
-        };
-        beside.tails(WHOLE).into_iter().filter_map(over).collect::<Vec<_>>()
-    };
-    parts.flat_map(of_part).collect()
 }
 
 #[cfg(test)]
@@ -311,7 +253,12 @@ mod tests {
     fn sliding_of(bars: &[[f64; 2]], i: usize, apart: &[(u32, u32)]) -> Sliding {
         let still = [Displacement::zero(DIMS), Displacement::zero(DIMS)];
         let bars: Vec<Contour> = bars.iter().map(|[from, to]| bar(*from, *to)).collect();
-        let of = |k: usize| Arc::new(Candidates::new([&bars[k], &bars[k + 1]], &still, 1.0, apart, [1.0; 2]));
+        let of = |k: usize| {
+            Arc::new(Tails {
+                solid: Candidates::new([&bars[k], &bars[k + 1]], &still, 1.0, apart, [1.0; 2]),
+                hollow: None,
+            })
+        };
         Sliding::new(&(0..bars.len() - 1).map(|k| (k, of(k))).collect(), i)
     }
 
@@ -373,8 +320,9 @@ mod tests {
         let still = [Displacement::zero(DIMS), Displacement::zero(DIMS)];
         let slides = |wide: f64| {
             let low = with_arm(bar(9.5, 39.5), wide);
-            let candidates = Candidates::new([&low, &bar(29.5, 59.5)], &still, 1.0, &[], [1.0; 2]);
-            !Sliding::new(&BTreeMap::from([(0, Arc::new(candidates))]), 0).is_empty()
+            let solid = Candidates::new([&low, &bar(29.5, 59.5)], &still, 1.0, &[], [1.0; 2]);
+            let tails = Tails { solid, hollow: None };
+            !Sliding::new(&BTreeMap::from([(0, Arc::new(tails))]), 0).is_empty()
         };
         assert!(slides(1.0) && !slides(8.0));
     }

@@ -2,6 +2,7 @@
 
 use crate::backends::on_backends;
 use crate::shapes::*;
+use crate::sliding::apart;
 use interslice::grid::sparse_image::SparseImage;
 use interslice::progress::Silent;
 use interslice::settings::Method;
@@ -146,23 +147,6 @@ fn walls_of_any_tube_that_misses_itself_hold_together() {
     assert!(mean > 0.9 && closed as f64 > 0.92 * layers as f64, "{mean}, {closed} of {layers}");
 }
 
-/// Largest difference between layers of the same height beside contours, px.
-fn apart(a: &Reconstruction, b: &Reconstruction, of: impl Fn(&SparseImage<f32>) -> Vec<f32>) -> f64 {
-    let mut largest = 0.0f64;
-    let mut compared = 0;
-    for layer in a.layers.iter().filter(|layer| layer.output) {
-        let Some(same) = b.layers.iter().find(|other| other.output && (other.z - layer.z).abs() < 1e-9) else {
-            continue;
-        };
-        compared += 1;
-        let pairs = layer.phi.iter().zip(of(&same.phi));
-        let near = pairs.filter(|(a, b)| a.abs().min(b.abs()) < 1.5);
-        largest = near.map(|(a, b)| f64::from((a - b).abs())).fold(largest, f64::max);
-    }
-    assert!(compared > TUBE.slices, "{compared} layers have the same height");
-    largest
-}
-
 #[test]
 fn the_layers_of_a_hollow_tube_do_not_depend_on_those_asked_for_nor_on_how_it_lies() {
     let settings = Settings::default();
@@ -172,17 +156,17 @@ fn the_layers_of_a_hollow_tube_do_not_depend_on_those_asked_for_nor_on_how_it_li
         reconstruct_with(stack, heights, &settings, &Reference, &Silent).expect("it is valid")
     };
     let fine: Vec<f64> = (0..=4 * top as usize).map(|k| 0.25 * k as f64).collect();
-    assert!(apart(&body, &made(&stack, &fine), SparseImage::unpack) < 1e-4);
+    assert!(apart(&body, &made(&stack, &fine), TUBE.slices, SparseImage::unpack) < 1e-4);
 
     let mut turned = made(&upside_down(&stack, top), &TUBE.heights());
     turned.layers.iter_mut().for_each(|layer| layer.z = top - layer.z);
-    let upside_down = apart(&body, &turned, SparseImage::unpack);
+    let upside_down = apart(&body, &turned, TUBE.slices, SparseImage::unpack);
 
     let transposed_shape = |z: f64| -> Shape { Box::new(move |x, y| TUBE.at([y, x], z)) };
     let heights: Vec<f64> = stack.slices.iter().map(|slice| slice.z).collect();
     let shapes: Vec<Shape> = heights.iter().map(|z| transposed_shape(*z)).collect();
     let transposed = |phi: &SparseImage<f32>| (0..N * N).map(|n| phi.at(n / N, n % N)).collect();
-    let transposed = apart(&body, &made(&masks(N, &heights, &shapes), &TUBE.heights()), transposed);
+    let transposed = apart(&body, &made(&masks(N, &heights, &shapes), &TUBE.heights()), TUBE.slices, transposed);
 
     // What lies just beside a slice is the slice.
     let step = 1e-3 * TUBE.gap;
@@ -191,11 +175,10 @@ fn the_layers_of_a_hollow_tube_do_not_depend_on_those_asked_for_nor_on_how_it_li
     let layers: Vec<_> = layers.iter().filter(|layer| layer.output).collect();
     let jump = layers.chunks_exact(3).flat_map(|at| {
         let own = at[1].phi.unpack();
-        let differences = [&at[0].phi, &at[2].phi].map(|phi| {
+        [&at[0].phi, &at[2].phi].map(|phi| {
             let near = phi.iter().zip(&own).filter(|(_, own)| own.abs() < 1.0);
             near.map(|(v, own)| f64::from((v - own).abs())).fold(0.0, f64::max)
-        });
-        differences
+        })
     });
     let jump = jump.fold(0.0, f64::max);
     println!("upside down {upside_down:.4}, transposed {transposed:.4}, beside a slice {jump:.4} px");

@@ -12,6 +12,7 @@ use std::thread;
 use super::connect::together;
 use super::context::{Context, Sink};
 use super::hollow::Hollows;
+use super::hollow::slice::HollowSlices;
 use super::links::{IntervalLinks, fairing_shares};
 use super::sliding::Slides;
 use crate::contour::Contour;
@@ -57,8 +58,11 @@ pub(super) fn faired<'a>(
     let alone = run.budget.is_bounded() || rayon::current_thread_index().is_some();
     let mut together = together(run, links, contours, &end, (!alone).then(|| run.clocks.clone()));
     let fairing = fairing(run, links, contours, moving)?;
-    let drawn =
-        moving.map(|moving| (Hollows::new(run, links, contours, moving), Slides::new(run, links, contours, moving)));
+    let drawn = moving.map(|moving| Drawn {
+        slices: HollowSlices::new(contours),
+        hollows: Hollows::new(run, links, contours, moving),
+        slides: Slides::new(run, links, contours, moving),
+    });
     let fair = |take: &mut Sink<'_>| fair(drawn, fairing, make, take);
     let hold = |take: &mut Sink<'_>| {
         let mut looked_at = |layers| look(layers).into_iter().try_for_each(&mut *take);
@@ -94,17 +98,33 @@ fn beside(run: &Context<'_>, make: impl Make, take: &mut Sink<'_>) -> Result<()>
     })
 }
 
+/// What is drawn into layers that come in order of height.
+struct Drawn<'r, 'b> {
+    slices: HollowSlices<'r, 'b>,
+    hollows: Hollows<'r, 'b>,
+    slides: Slides<'r, 'b>,
+}
+
+impl Drawn<'_, '_> {
+    fn draw(&mut self, layer: &mut Layer) -> Result<()> {
+        if let Some(i) = layer.contour {
+            self.slices.forget_below(i);
+        }
+        self.hollows.draw(layer, &mut self.slices)?;
+        self.slides.draw(layer, &mut self.slices)
+    }
+}
+
 /// Makes layers and hands them on, with what is hollow and what slides, faired if that is wanted.
 fn fair(
-    mut drawn: Option<(Hollows<'_, '_>, Slides<'_, '_>)>,
+    mut drawn: Option<Drawn<'_, '_>>,
     fairing: Option<Fairing<'_>>,
     make: impl Make,
     take: &mut Sink<'_>,
 ) -> Result<()> {
     let mut with_drawn = |mut layer: Layer| {
-        if let Some((hollows, slides)) = &mut drawn {
-            hollows.draw(&mut layer)?;
-            slides.draw(&mut layer)?;
+        if let Some(drawn) = &mut drawn {
+            drawn.draw(&mut layer)?;
         }
         Ok(layer)
     };

@@ -52,7 +52,6 @@ pub(super) struct Hollows<'r, 'b> {
     moving: &'r MotionStack<'b>,
     /// Pairs of parts of every interval that are kept apart.
     parted: Vec<Vec<(u32, u32)>>,
-    slices: HollowSlices<'r, 'b>,
     /// Those of the interval of the layers that come.
     current: Vec<Hollow>,
 }
@@ -65,16 +64,16 @@ impl<'r, 'b> Hollows<'r, 'b> {
         moving: &'r MotionStack<'b>,
     ) -> Self {
         let parted = links.iter().map(IntervalLinks::parted).collect();
-        Hollows { run, contours, moving, parted, slices: HollowSlices::new(contours), current: Vec::new() }
+        Hollows { run, contours, moving, parted, current: Vec::new() }
     }
 
     /// Draws into the next layer what is hollow there.
     ///
     /// # Errors
     /// The errors of the backend and of the shelves.
-    pub fn draw(&mut self, layer: &mut Layer) -> Result<()> {
+    pub fn draw(&mut self, layer: &mut Layer, slices: &mut HollowSlices<'_, '_>) -> Result<()> {
         if let Some(i) = layer.contour {
-            self.current = self.interval(i)?;
+            self.current = self.interval(i, slices)?;
             return Ok(());
         }
         let Some(hollow) = self.current.first() else { return Ok(()) };
@@ -89,28 +88,27 @@ impl<'r, 'b> Hollows<'r, 'b> {
     }
 
     /// The hollow parts between contour `i` and the next whose walls miss each other.
-    fn interval(&mut self, i: usize) -> Result<Vec<Hollow>> {
-        self.slices.forget_below(i.saturating_sub(NEIGHBOURS));
+    fn interval(&self, i: usize, slices: &mut HollowSlices<'_, '_>) -> Result<Vec<Hollow>> {
         let has_holes = |k: usize| self.contours.light(k).holes > 0;
         if i + 1 == self.contours.len() || !has_holes(i) || !has_holes(i + 1) {
             return Ok(Vec::new());
         }
         let contours = [self.contours.get(i)?, self.contours.get(i + 1)?];
-        let slices = [self.slices.get(i)?, self.slices.get(i + 1)?];
-        let [low, high] = [0, 1].map(|k| (&slices[k].filled, &contours[k].phi));
+        let own = [slices.get(i)?, slices.get(i + 1)?];
+        let [low, high] = [0, 1].map(|k| (&own[k].filled, &contours[k].phi));
         let groups = match_components(low, high, &DecidedPairs::parting(self.parted[i].clone())).groups;
         let at_slices = self.moving.at_slices(i)?;
-        let sides = [0, 1].map(|k| (&*contours[k], &*slices[k]));
+        let sides = [0, 1].map(|k| (&*contours[k], &*own[k]));
         let tile = |group: &Group, margin: [usize; 2]| {
             contours[0].tile_of(&group.low, margin).joined(contours[1].tile_of(&group.high, margin))
         };
         let torn = groups.into_iter().filter(|group| miss(sides, &at_slices, group, tile(group, [0; 2])));
         let torn: Vec<Group> = torn.collect();
-        torn.iter().map(|group| self.hollow(i, group, tile(group, self.run.margin))).collect()
+        torn.iter().map(|group| self.hollow(i, group, tile(group, self.run.margin), slices)).collect()
     }
 
     /// A group of the parts of contour `i` and the next, as filled sections and holes.
-    fn hollow(&mut self, i: usize, group: &Group, tile: Tile) -> Result<Hollow> {
+    fn hollow(&self, i: usize, group: &Group, tile: Tile, slices: &mut HollowSlices<'_, '_>) -> Result<Hollow> {
         let mut parts = BTreeMap::new();
         for (k, of) in [(i, &group.low), (i + 1, &group.high)] {
             parts.insert(k, of.iter().copied().collect::<BTreeSet<u32>>());
@@ -121,19 +119,18 @@ impl<'r, 'b> Hollows<'r, 'b> {
                 Some(own) if self.contours.light(to).solids.count > 0 => own,
                 _ => continue,
             };
-            let found = over(own, &self.slices.get(from)?.filled.labels, &self.slices.get(to)?.filled.labels);
+            let found = over(own, &slices.get(from)?.filled.labels, &slices.get(to)?.filled.labels);
             if !found.is_empty() {
                 parts.insert(to, found);
             }
         }
         let mut bodies = [BTreeMap::new(), BTreeMap::new()];
         for (k, parts) in parts {
-            let (contour, slice) = (self.contours.get(k)?, self.slices.get(k)?);
+            let (contour, slice) = (self.contours.get(k)?, slices.get(k)?);
             let filled = job(&contour.phi, &slice.filled.labels, &parts, tile, 1.0);
-            bodies[0].insert(k, filled);
-            let holes = slice.holes_of(&parts);
-            if !holes.is_empty() {
-                bodies[1].insert(k, job(&contour.phi, &slice.holes.solids.labels, &holes, tile, -1.0));
+            let holes = job(&contour.phi, &slice.holes.labels, &slice.holes_of(&parts), tile, -1.0);
+            for (body, job) in bodies.iter_mut().zip([filled, holes]) {
+                body.extend(job.map(|job| (k, job)));
             }
         }
         let [filled, holes] = bodies;
@@ -172,11 +169,15 @@ impl<'r, 'b> Hollows<'r, 'b> {
     }
 }
 
-/// A question for the distances of some parts on a tile, of a contour that is turned inside out by a `sign` of -1.
-fn job(phi: &Field, labels: &[u32], parts: &BTreeSet<u32>, tile: Tile, sign: f64) -> PartJob {
-    let mut whole = tile.cut(phi);
-    whole.data.iter_mut().for_each(|v| *v *= sign);
-    PartJob { whole, inside: tile.nodes(phi.dims[0]).map(|n| parts.contains(&labels[n])).collect() }
+/// A question for the distances of some parts on a tile, of a contour that is turned inside out by a `sign` of -1; none where they do not reach the tile, as
+/// nothing is finite there.
+fn job(phi: &Field, labels: &[u32], parts: &BTreeSet<u32>, tile: Tile, sign: f64) -> Option<PartJob> {
+    let inside: Vec<bool> = tile.nodes(phi.dims[0]).map(|n| parts.contains(&labels[n])).collect();
+    inside.contains(&true).then(|| {
+        let mut whole = tile.cut(phi);
+        whole.data.iter_mut().for_each(|v| *v *= sign);
+        PartJob { whole, inside }
+    })
 }
 
 /// The parts that lie over some others.
@@ -198,7 +199,7 @@ fn miss(sides: [(&Contour, &HollowSlice); 2], at_slices: &[Displacement; 2], gro
     let mut common = BTreeMap::new();
     for n in tile.nodes(nx) {
         filled.count([0, 1].map(|k| parts[k].contains(&sides[k].1.filled.labels[n])));
-        let hole = [0, 1].map(|k| sides[k].1.holes.solids.labels[n]);
+        let hole = [0, 1].map(|k| sides[k].1.holes.labels[n]);
         let within = [0, 1].map(|k| holes[k].contains(&hole[k]));
         enclosed.count(within);
         (0..2).filter(|k| within[*k]).for_each(|k| *areas[k].entry(hole[k]).or_insert(0usize) += 1);
@@ -341,6 +342,19 @@ mod tests {
         assert!(!missed(&ring(34.0, 9.0), &ring(41.0, 9.0), DVec2::ZERO), "thick");
         assert!(!missed(&ring(34.0, 2.5), &ring(34.2, 2.5), DVec2::ZERO), "near");
         assert!(!missed(&low, &contour(&[([41.0, 30.0], 16.0)], &[]), DVec2::ZERO), "the hole ends");
+    }
+
+    #[test]
+    fn what_does_not_reach_a_tile_is_not_asked_for() {
+        let low = ring(34.0, 2.5);
+        let slice = HollowSlice::new(&low);
+        let job = |x: usize, parts: &BTreeSet<u32>, labels: &[u32]| {
+            job(&low.phi, labels, parts, Tile { origin: [x, 20], dims: [8, 20] }, 1.0)
+        };
+        let own = BTreeSet::from([1]);
+        assert!(job(30, &own, &slice.filled.labels).is_some() && job(60, &own, &slice.filled.labels).is_none());
+        assert!(job(44, &own, &slice.holes.labels).is_some() && job(49, &own, &slice.holes.labels).is_none());
+        assert!(job(30, &BTreeSet::new(), &slice.filled.labels).is_none());
     }
 
     #[test]

@@ -12,8 +12,10 @@ use crate::storage::spill::SpillVec;
 pub(in crate::pipeline) struct HollowSlice {
     /// The slice's parts with all that lies within them: those that lie within another one have no pixel.
     pub filled: Components,
-    /// The slice turned inside out, whose parts are its holes.
-    pub holes: Contour,
+    /// The holes, 8-connected.
+    pub holes: Components,
+    /// Bounding box of each hole, as [`Contour::solid_box`].
+    pub hole_box: Vec<([usize; 2], [usize; 2])>,
     /// The outermost part around each hole.
     pub around: Vec<u32>,
 }
@@ -22,13 +24,10 @@ impl HollowSlice {
     pub fn new(contour: &Contour) -> Self {
         let nx = contour.phi.dims[0];
         if contour.holes == 0 {
-            let holes = Contour {
-                solids: Components { labels: vec![0; contour.phi.data.len()], count: 0 },
-                ..Contour::default()
-            };
-            return HollowSlice { filled: contour.solids.clone(), holes, around: vec![0] };
+            let holes = Components { labels: vec![0; contour.phi.data.len()], count: 0 };
+            return HollowSlice { filled: contour.solids.clone(), holes, hole_box: Vec::new(), around: vec![0] };
         }
-        let holes = contour.turned();
+        let Contour { solids: holes, solid_box: hole_box, .. } = contour.turned();
         // What lies above a part's first pixel in the order of rows is what the part lies in.
         let above = |of: &Components, other: &Components| {
             let mut above = vec![0u32; of.count + 1];
@@ -37,7 +36,7 @@ impl HollowSlice {
             }
             above
         };
-        let (around, within) = (above(&holes.solids, &contour.solids), above(&contour.solids, &holes.solids));
+        let (around, within) = (above(&holes, &contour.solids), above(&contour.solids, &holes));
         let outermost = |mut part: u32| {
             while within[part as usize] > 0 {
                 part = around[within[part as usize] as usize];
@@ -47,9 +46,9 @@ impl HollowSlice {
         let parts: Vec<u32> = (0..within.len() as u32).map(outermost).collect();
         let around: Vec<u32> = around.iter().map(|part| parts[*part as usize]).collect();
         let label = |(part, hole): (&u32, &u32)| if *hole > 0 { around[*hole as usize] } else { parts[*part as usize] };
-        let labels = contour.solids.labels.iter().zip(&holes.solids.labels).map(label).collect();
+        let labels = contour.solids.labels.iter().zip(&holes.labels).map(label).collect();
         let filled = Components { labels, count: contour.solids.count };
-        HollowSlice { filled, holes, around }
+        HollowSlice { filled, holes, hole_box, around }
     }
 
     /// The holes of some outermost parts.
@@ -112,6 +111,6 @@ mod tests {
         assert_eq!(slice.holes_of(&BTreeSet::from([outer])).len(), 2);
         assert!(slice.holes_of(&BTreeSet::from([disc])).is_empty());
         let solid = HollowSlice::new(&Contour::new(0.0, Field::from_fn(DIMS, |i, _| i as f64 - 20.0), [1.0; 2], 1.0));
-        assert!(solid.holes.solids.count == 0 && solid.holes_of(&BTreeSet::from([1])).is_empty());
+        assert!(solid.holes.count == 0 && solid.holes_of(&BTreeSet::from([1])).is_empty());
     }
 }

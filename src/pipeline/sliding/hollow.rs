@@ -38,7 +38,7 @@ impl Sections {
             solid_box: solid_box.to_vec(),
             ..Contour::default()
         };
-        let holes = of(Field { dims: phi.dims, data: of_holes }, &slice.holes.solids, &slice.holes.solid_box);
+        let holes = of(Field { dims: phi.dims, data: of_holes }, &slice.holes, &slice.hole_box);
         let filled = of(phi, &slice.filled, &contour.solid_box);
         Sections { slice, filled, holes }
     }
@@ -117,15 +117,15 @@ impl Tubes {
 }
 
 /// Whether a hole of a slice lies farther than [`RIM`] from the holes of the other one, where motion brings it.
-fn goes_on(own: &Contour, (other, holes): (&Contour, &Contour), (to, sign): (&Displacement, f64)) -> bool {
-    let nx = own.phi.dims[0];
+fn goes_on(own: &Components, (other, holes): (&Contour, &Components), (to, sign): (&Displacement, f64)) -> bool {
+    let nx = other.phi.dims[0];
     let goes_on = |n: usize| {
         let x = position(n, nx);
         let x: DVec2 = x + sign * to.at(x);
         let ([i, j], _) = cell(other.phi.dims, x, 0);
-        holes.solids.labels[j * nx + i] == 0 && other.phi.sample(x).abs() > RIM
+        holes.labels[j * nx + i] == 0 && other.phi.sample(x).abs() > RIM
     };
-    (0..own.solids.labels.len()).any(|n| own.solids.labels[n] > 0 && goes_on(n))
+    (0..own.labels.len()).any(|n| own.labels[n] > 0 && goes_on(n))
 }
 
 /// What slides of an interval's hollow tubes.

@@ -58,7 +58,6 @@ pub(super) struct Slides<'r, 'b> {
     limit: f64,
     /// What slides in the interval of the layers that come, and the way through it.
     current: Option<(Sliding, MotionField)>,
-    hollow: HollowSlices<'r, 'b>,
     /// Tails of the intervals around it.
     known: BTreeMap<usize, Arc<Tails>>,
 }
@@ -81,15 +80,14 @@ impl<'r, 'b> Slides<'r, 'b> {
             px: run.px,
             limit,
             current: None,
-            hollow: HollowSlices::new(contours),
             known: BTreeMap::new(),
         }
     }
 
     /// Draws into the next layer what slides there.
-    pub fn draw(&mut self, layer: &mut Layer) -> Result<()> {
+    pub fn draw(&mut self, layer: &mut Layer, hollow: &mut HollowSlices<'_, '_>) -> Result<()> {
         if let Some(i) = layer.contour {
-            self.current = self.interval(i)?;
+            self.current = self.interval(i, hollow)?;
         } else if let Some((sliding, moving)) = &self.current {
             let t = time(layer.z, moving.heights[0], moving.heights[1]);
             sliding.draw(&mut layer.phi, self.pad, &moving.paths(0, t), t, |v| {
@@ -101,21 +99,20 @@ impl<'r, 'b> Slides<'r, 'b> {
     }
 
     /// What slides between contour `i` and the next, if anything does.
-    fn interval(&mut self, i: usize) -> Result<Option<(Sliding, MotionField)>> {
+    fn interval(&mut self, i: usize, hollow: &mut HollowSlices<'_, '_>) -> Result<Option<(Sliding, MotionField)>> {
         self.known.retain(|k, _| k + FOLLOWED >= i);
-        self.hollow.forget_below(i);
-        if i + 1 == self.contours.len() || self.tails(i)?.is_empty() {
+        if i + 1 == self.contours.len() || self.tails(i, hollow)?.is_empty() {
             return Ok(None);
         }
         let last = self.contours.len() - 2;
         let around = i.saturating_sub(FOLLOWED)..=(i + FOLLOWED).min(last);
-        let around = around.map(|k| Ok((k, self.tails(k)?))).collect::<Result<BTreeMap<_, _>>>()?;
+        let around = around.map(|k| Ok((k, self.tails(k, hollow)?))).collect::<Result<BTreeMap<_, _>>>()?;
         let sliding = Sliding::new(&around, i);
         if sliding.is_empty() { Ok(None) } else { Ok(Some((sliding, self.moving.frame(i..i + 2)?))) }
     }
 
     /// The tails that may slide between contour `i` and the next.
-    fn tails(&mut self, i: usize) -> Result<Arc<Tails>> {
+    fn tails(&mut self, i: usize, hollow: &mut HollowSlices<'_, '_>) -> Result<Arc<Tails>> {
         if let Some(known) = self.known.get(&i) {
             return Ok(known.clone());
         }
@@ -126,7 +123,7 @@ impl<'r, 'b> Slides<'r, 'b> {
             let (at_slices, parted) = (self.moving.at_slices(i)?, &self.parted[i]);
             let solid = Candidates::new(slices, &at_slices, gap, parted, self.h);
             let hollow = if slices.iter().all(|contour| contour.holes > 0) {
-                let hollow = [self.hollow.get(i)?, self.hollow.get(i + 1)?];
+                let hollow = [hollow.get(i)?, hollow.get(i + 1)?];
                 Tubes::new(slices, hollow, &at_slices, gap, parted, self.h)
             } else {
                 None

@@ -14,8 +14,6 @@ const OFF_FRONT: f32 = 0.25;
 const PRIOR: f32 = 0.05;
 // Share of either length up to which a particle is whole.
 const WHOLE: f32 = 0.25;
-// What a particle loses counts by so many times the share of its way that is left, wholly at most.
-const WEIGHT_OF_REST: f32 = 10.0;
 const PROJECTIONS: u32 = 2u;
 
 struct Particle {
@@ -25,7 +23,7 @@ struct Particle {
     speed: f32,
     covered: f32,
     arc: f32,
-    // What back-projections have moved it in all, as far as it counts, px.
+    // What back-projections have moved it in all, px.
     dragged: f32,
     // Share that is left of it, from 1 to 0.
     kept: f32,
@@ -86,10 +84,9 @@ fn correct(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     for (var n = 0u; n < PROJECTIONS; n++) {
         x -= clamp(sample_phi(q, x), -1.0, 1.0) * normal_of(q, x) / h();
     }
-    let counts = min(WEIGHT_OF_REST * exp(-jobs[q].now), 1.0);
-    let dragged = particles[p].dragged + counts * length((x - moved) * h());
+    let dragged = particles[p].dragged + length((x - moved) * h());
     particles[p].dragged = dragged;
-    let kept = min(particles[p].kept, min(left(dragged, LOST), left(counts * abs(sample_phi(q, x)), OFF_FRONT)));
+    let kept = min(particles[p].kept, min(left(dragged, LOST), left(abs(sample_phi(q, x)), OFF_FRONT)));
     particles[p].kept = kept;
     // No more than twice the way made: the speed goes on where a front hangs though nothing moves.
     let way = length((x - before) * h());

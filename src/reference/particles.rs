@@ -17,10 +17,6 @@ pub const WHOLE: f64 = 0.25;
 /// Share of the way for which half the speed at the start stands: what is known of a particle that is lost at once. At rest it would differ too much
 /// from its neighbours that are not lost; at the whole speed, thin lines would jump beside their contours.
 pub const PRIOR: f64 = 0.05;
-/// What a particle loses counts by so many times the share of its way that is left, `exp(-t)`, wholly at most: wholly over the first nine tenths of the
-/// way, hardly at the end of it. One that has arrived waits for the rest of its front, or until it is seen to hang. Were it to fade meanwhile, the
-/// size of a step, which decides when the front has arrived, would say what is left of it.
-pub const WEIGHT_OF_REST: f64 = 10.0;
 /// Newton steps of a back-projection.
 pub const PROJECTIONS: usize = 2;
 
@@ -34,7 +30,7 @@ pub struct Particle {
     pub covered: f64,
     /// Length of the path, px.
     pub arc: f64,
-    /// Way that back-projections have moved it in all, as far as it counts, px.
+    /// Way that back-projections have moved it in all, px.
     pub dragged: f64,
     /// Share that is left of it, from 1 to 0.
     pub kept: f64,
@@ -77,13 +73,12 @@ pub fn predict(particles: &mut [Particle], phi: &Field, goal: &Field, h: [f64; 2
 /// Corrector in the field after the front has moved (Heun), back-projection `x <- x - phi(x) n`, distances; `now` is the time reached.
 pub fn correct(particles: &mut [Particle], phi: &Field, goal: &Field, h: [f64; 2], dt: f64, now: f64) {
     let covers = libm::exp(-now) * libm::expm1(dt);
-    let counts = (WEIGHT_OF_REST * libm::exp(-now)).min(1.0);
     for p in particles.iter_mut().filter(|p| p.kept > 0.0) {
         let (velocity, speed) = motion(phi, goal, p.predicted, h);
         let moved = p.x + 0.5 * dt * (p.velocity + velocity);
         let projected = back_project(phi, moved, h);
-        p.dragged += counts * distance(projected, moved, h);
-        p.kept = p.kept.min(left(p.dragged, LOST)).min(left(counts * phi.sample(projected).abs(), OFF_FRONT));
+        p.dragged += distance(projected, moved, h);
+        p.kept = p.kept.min(left(p.dragged, LOST)).min(left(phi.sample(projected).abs(), OFF_FRONT));
         let way = distance(projected, p.x, h);
         let step = (0.5 * dt * (p.speed + speed)).clamp(-2.0 * way, 2.0 * way);
         p.covered += step;
@@ -118,27 +113,5 @@ pub fn land(particles: &mut [Particle], phi: &Field, goal: &Field, h: [f64; 2]) 
         p.x += rest * phi.normal(p.x, h) / DVec2::from(h);
         p.covered += rest;
         p.arc += rest.abs();
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_drags_a_particle_counts_by_the_way_that_is_left() {
-        let line = |x: f64| Field::from_fn([24, 24], move |i, _| i as f64 - x);
-        let (before, after) = (line(10.0), line(10.6));
-        let kept = |now: f64| {
-            let mut particles = [Particle::at(&Seed { x: DVec2::new(10.0, 12.0), inside: 0, outside: 1 })];
-            predict(&mut particles, &before, &after, [1.0; 2], 1e-9);
-            correct(&mut particles, &after, &after, [1.0; 2], 1e-9, now);
-            particles[0].kept
-        };
-        // Half of what is lost: a third of the way from WHOLE to nothing.
-        let early = 1.0 - smoothstep(1.0 / 3.0);
-        assert!((kept(0.0) - early).abs() < 1e-6 && (kept(2.0) - early).abs() < 1e-6, "{} {}", kept(0.0), kept(2.0));
-        assert!(kept(2.5) > early && kept(2.5) < 1.0, "{}", kept(2.5));
-        assert_eq!(kept(4.0), 1.0, "0.11 px of 1.2");
     }
 }

@@ -290,7 +290,6 @@ fn constants_are_those_of_the_twins() {
         ("particles", "WHOLE", particles::WHOLE),
         ("particles", "OFF_FRONT", particles::OFF_FRONT),
         ("particles", "PRIOR", particles::PRIOR),
-        ("particles", "WEIGHT_OF_REST", particles::WEIGHT_OF_REST),
         ("particles", "PROJECTIONS", particles::PROJECTIONS as f64),
         ("propagate", "STEP_LIMIT", propagate::STEP_LIMIT),
         ("propagate", "ALMOST", propagate::ALMOST),

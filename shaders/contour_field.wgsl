@@ -1,5 +1,5 @@
-// From a slice to its level set: anti-aliasing with `2 G - G * G`, the side of every pixel kept, the limit by the exact distance, the
-// conditioned values put in, and the area of the mask restored. The twin is src/reference/contour_field.rs.
+// From a slice to its level set: half a pixel to either side of a mask, anti-aliasing with `2 G - G * G`, the side of every pixel kept, the limit by
+// the exact distance, the conditioned values put in, and the area of the mask restored. The twin is src/reference/contour_field.rs.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<uniform> rule: Rule;
@@ -10,6 +10,7 @@
 @group(0) @binding(6) var<storage, read> sides: array<f32>;
 @group(0) @binding(7) var<storage, read_write> result: array<f32>;
 @group(0) @binding(8) var<storage, read_write> lengths: array<f32>;
+@group(0) @binding(9) var<storage, read> mask: array<u32>;
 
 // Weights of a Gaussian in groups of four, `reach` to each side; smallest |value| that keeps a pixel's side; largest move from the exact
 // distance; how far conditioned values count; least length of contour that an area is divided by; largest move
@@ -32,6 +33,18 @@ struct Rule {
 
 fn keep_side(v: f32, side: f32, floor: f32) -> f32 {
     return select(max(v, floor), min(v, -floor), side < 0.0);
+}
+
+// Half a pixel inside or outside, by the pixels' bits; 1 behind each tile.
+@compute @workgroup_size(lane_count)
+fn spread(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let node = list_index(group, local);
+    if node >= params.block_count * BLOCK {
+        return;
+    }
+    let q = blocks[node / BLOCK].job;
+    let inside = ((mask[node / 32u] >> (node % 32u)) & 1u) == 1u;
+    result[node] = select(1.0, select(0.5, -0.5, inside), node - jobs[q].offset < jobs[q].nx * jobs[q].ny);
 }
 
 // One axis of a Gaussian of `first`, the tile's edge repeated.

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::Gpu;
 use super::buffer::Buffer;
 use super::device::Device;
-use super::layout::{BLOCK, Block, Job, PATCH, Patch};
+use super::layout::{BLOCK, Job, PATCH, Patch};
 use crate::error::{Error, Result};
 use crate::grid::field::{FAR, Field, VALUES_OF_A_THREAD};
 
@@ -50,21 +50,6 @@ impl Atlas {
     /// Nodes of all tiles, with what fills the last block of each.
     pub fn node_count(&self) -> usize {
         self.block_count() * BLOCK
-    }
-
-    /// The table of blocks on a device: which job each belongs to.
-    ///
-    /// # Errors
-    /// The errors of [`Device::buffer`].
-    pub fn send_blocks(&self, device: &Device) -> Result<Buffer<[Block]>> {
-        device.upload_made("blocks", self.block_count(), |first, out| {
-            let ends = |job: &Job| (job.first_block + job.block_count) as usize;
-            let mut q = self.jobs.partition_point(|job| ends(job) <= first);
-            for (block, to) in (first..).zip(out) {
-                q += self.jobs[q..].iter().take_while(|job| ends(job) <= block).count();
-                *to = Block { job: q as u32, ..Block::default() };
-            }
-        })
     }
 
     /// Fields of all jobs in single precision, `fill` between them.
@@ -141,6 +126,17 @@ impl Atlas {
         }
         out
     }
+}
+
+/// Pixels of all tiles that are inside, a bit for each, as the tiles lie.
+pub fn bits(masks: &[&[bool]]) -> Vec<u32> {
+    let words = |mask: &&[bool]| -> Vec<u32> {
+        let word = |some: &[bool]| some.iter().enumerate().fold(0, |word, (k, inside)| word | u32::from(*inside) << k);
+        let mut words: Vec<u32> = mask.chunks(32).map(word).collect();
+        words.resize(padded(mask.len()) / 32, 0);
+        words
+    };
+    masks.par_iter().map(words).collect::<Vec<_>>().concat()
 }
 
 /// Nodes of a tile with what fills its last block.

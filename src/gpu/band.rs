@@ -3,6 +3,7 @@
 use super::Gpu;
 use super::answers::{Landed, Wanted};
 use super::atlas::Atlas;
+use super::blocks::blocks;
 use super::buffer::Buffer;
 use super::device::failure;
 use super::kernels::{Bound, WORKGROUP, shader};
@@ -154,7 +155,7 @@ impl<'g> Front<'g> {
         let nodes = atlas.node_count();
         let params = device.uniform("params", params);
         let jobs = device.upload("jobs", &atlas.jobs)?;
-        let blocks = atlas.send_blocks(device)?;
+        let blocks = blocks(gpu, &atlas, &params, &jobs)?;
         let work = device.headed("work", atlas.block_count())?;
         let touched = device.zeroed("touched", atlas.block_count().div_ceil(32))?;
         let places = device.storage("places", atlas.block_count().div_ceil(WORKGROUP as usize))?;
@@ -354,10 +355,12 @@ pub fn places(crossings: usize, gamma: f64, nodes: usize) -> usize {
 
 /// Edges between pixels that the contour of a field crosses.
 pub fn crossings(field: &crate::grid::field::Field) -> usize {
-    let nx = field.dims[0];
-    let inside = |v: &f64| *v < 0.0;
-    let along =
-        field.data.chunks_exact(nx).map(|row| row.windows(2).filter(|w| inside(&w[0]) != inside(&w[1])).count());
-    let across = field.data.iter().zip(field.data.iter().skip(nx)).filter(|(a, b)| inside(a) != inside(b)).count();
+    sides_that_differ(&field.data, field.dims[0], |v| *v < 0.0)
+}
+
+/// Edges between pixels of which one is inside, in rows of `nx`.
+pub fn sides_that_differ<T>(pixels: &[T], nx: usize, inside: impl Fn(&T) -> bool) -> usize {
+    let along = pixels.chunks_exact(nx).map(|row| row.windows(2).filter(|w| inside(&w[0]) != inside(&w[1])).count());
+    let across = pixels.iter().zip(pixels.iter().skip(nx)).filter(|(a, b)| inside(a) != inside(b)).count();
     along.sum::<usize>() + across
 }

@@ -4,8 +4,11 @@ use rayon::prelude::*;
 
 use super::Gpu;
 use super::answers::Wanted;
-use super::atlas::{Atlas, in_batches, padded};
-use super::band::{Front, NODE_BYTES, PLACE_BYTES, Room, SPARE_PLACES, crossings, places, with_room};
+use super::atlas::{Atlas, bits, in_batches, padded};
+use super::band::{
+    Front, NODE_BYTES, PLACE_BYTES, Room, SPARE_PLACES, crossings, places, sides_that_differ, with_room,
+};
+use super::blocks::blocks;
 use super::buffer::Buffer;
 use super::distance::DistanceBuffers;
 use super::exact::exact_distance;
@@ -26,6 +29,15 @@ use crate::settings::AntiAlias;
 
 shader! {
     contour_field = "common/job.wgsl" + twin "src/reference/contour_field.rs";
+
+    /// Half a pixel to either side of `mask`.
+    Spread for spread, "spread" {
+        params: Uniform Params,
+        jobs: Read [Job],
+        blocks: Read [Block],
+        result: Write [f32],
+        mask: Read [u32],
+    }
 
     /// One axis of a Gaussian of `first`.
     Gaussian for gaussian, "gaussian" {
@@ -109,32 +121,22 @@ pub fn contour_fields(
     options: ContourOptions,
     progress: &dyn Progress,
 ) -> Result<Vec<Field>> {
-    let values: Vec<(Field, bool)> = slices
-        .par_iter()
-        .map(|job| match &*job.slice {
-            PaddedSlice::Mask(mask) => {
-                (Field { dims: job.dims, data: mask.iter().map(|&m| if m { -0.5 } else { 0.5 }).collect() }, true)
-            }
-            PaddedSlice::Level(u) => (u.clone(), false),
-        })
-        .collect();
     let mut out: Vec<Option<Field>> = slices.iter().map(|_| None).collect();
-    let share = |k: &usize| {
-        let nodes = padded(values[*k].0.data.len());
-        let room = places(crossings(&values[*k].0), options.half_width + CONDITION_WIDER, nodes);
+    let rooms: Vec<usize> =
+        slices.par_iter().map(|job| places(crossings_of(job), width(options), pixels(job))).collect();
+    let share = |&k: &usize| {
+        let (nodes, room) = (padded(pixels(&slices[k])), rooms[k]);
         let share = gpu.share(nodes * BYTES + room * PLACE_BYTES, 4 * nodes);
         share.max(gpu.share_of_work((work::CONTOUR_PIXEL * nodes).max(work::BAND_PLACE * room)))
     };
     // Masks and grey slices take different ways.
     for masks in [true, false] {
-        let open: Vec<usize> =
-            (0..slices.len()).into_par_iter().filter(|&k| values[k].1 == masks && values[k].0.has_inside()).collect();
-        let shares: Vec<f64> = open.par_iter().map(share).collect();
-        let fields = in_batches(gpu, shares, |batch| {
-            let batch = &open[batch];
-            let fields: Vec<&Field> = batch.iter().map(|&k| &values[k].0).collect();
-            let smooth = if masks { options.anti_alias } else { AntiAlias::None };
-            let result = run(gpu, &fields, h, options, smooth)?;
+        let open = |&k: &usize| is_mask(&slices[k]) == masks && has_inside(&slices[k]);
+        let open: Vec<usize> = (0..slices.len()).into_par_iter().filter(open).collect();
+        let fields = in_batches(gpu, open.iter().map(share), |batch| {
+            let room = open[batch.clone()].iter().map(|&k| rooms[k]).sum::<usize>() + SPARE_PLACES;
+            let batch: Vec<&SliceJob<'_>> = open[batch].iter().map(|&k| &slices[k]).collect();
+            let result = run(gpu, &batch, h, options, room)?;
             progress.advance(batch.len());
             Ok(result)
         })?;
@@ -147,34 +149,62 @@ pub fn contour_fields(
     Ok(out.into_iter().zip(slices).map(|(field, job)| field.unwrap_or_else(|| empty(job))).collect())
 }
 
-fn run(gpu: &Gpu, u: &[&Field], h: [f64; 2], options: ContourOptions, smooth: AntiAlias) -> Result<Vec<Field>> {
-    let atlas = Atlas::new(u.iter().map(|f| f.dims));
-    let params = Params {
-        hx: h[0] as f32,
-        hy: h[1] as f32,
-        gamma: (options.half_width + CONDITION_WIDER) as f32,
-        step_share: 1.0,
-        ..Params::default()
-    };
-    let room_of = |f: &&Field| places(crossings(f), options.half_width + CONDITION_WIDER, f.data.len());
-    let room = u.par_iter().map(room_of).sum::<usize>() + SPARE_PLACES;
-    let sent = |label| atlas.send(&gpu.device, label, u.iter().copied(), 1.0);
+fn is_mask(job: &SliceJob<'_>) -> bool {
+    matches!(&*job.slice, PaddedSlice::Mask(_))
+}
+
+fn has_inside(job: &SliceJob<'_>) -> bool {
+    match &*job.slice {
+        PaddedSlice::Mask(mask) => mask.contains(&true),
+        PaddedSlice::Level(u) => u.has_inside(),
+    }
+}
+
+fn crossings_of(job: &SliceJob<'_>) -> usize {
+    match &*job.slice {
+        PaddedSlice::Mask(mask) => sides_that_differ(mask, job.dims[0], |inside| *inside),
+        PaddedSlice::Level(u) => crossings(u),
+    }
+}
+
+fn pixels(job: &SliceJob<'_>) -> usize {
+    job.dims.iter().product()
+}
+
+/// Half width of the band in which contours are conditioned, px.
+fn width(options: ContourOptions) -> f64 {
+    options.half_width + CONDITION_WIDER
+}
+
+/// Level sets of some slices, all of which are masks or none.
+fn run(gpu: &Gpu, slices: &[&SliceJob<'_>], h: [f64; 2], options: ContourOptions, room: usize) -> Result<Vec<Field>> {
+    let (mut masks, mut levels): (Vec<&[bool]>, Vec<&Field>) = Default::default();
+    for job in slices {
+        match &*job.slice {
+            PaddedSlice::Mask(mask) => masks.push(mask),
+            PaddedSlice::Level(u) => levels.push(u),
+        }
+    }
+    let atlas = Atlas::new(slices.iter().map(|job| job.dims));
+    let params =
+        Params { hx: h[0] as f32, hy: h[1] as f32, gamma: width(options) as f32, step_share: 1.0, ..Params::default() };
     let mut recorder = Recorder::new(&gpu.device, &gpu.profiler);
     // The masks are asked for again where their level sets were smoothed by a kernel.
-    let (source, sides) = match smooth {
-        AntiAlias::None => (sent("level")?, None),
-        AntiAlias::Kernel => {
-            let sides = sent("sides")?;
-            (kernel(gpu, &mut recorder, &atlas, params, &sides, options.sigma)?, Some(sides))
-        }
-        AntiAlias::Eq6 => {
-            let sides = &sent("sides")?;
-            let mut recorder = Recorder::new(&gpu.device, &gpu.profiler);
-            let exact = exact_distance(gpu, &mut recorder, &atlas, params, sides)?;
-            let wanted: Wanted<f32> = recorder.read(&exact, 0, atlas.node_count());
-            let exact = recorder.submit()?.wait()?.values(&wanted)?;
-            let packed = atlas.pack(u.iter().copied(), 1.0);
-            (with_room(room, atlas.node_count(), |room| eq6(gpu, &atlas, params, &exact, &packed, sides, room))?, None)
+    let (source, sides) = if masks.is_empty() {
+        (atlas.send(&gpu.device, "level", levels, 1.0)?, None)
+    } else {
+        let tables = Tables::new(gpu, &atlas, params)?;
+        let sides = tables.spread(gpu, &mut recorder, &masks)?;
+        match options.anti_alias {
+            AntiAlias::None => (sides, None),
+            AntiAlias::Kernel => (tables.kernel(gpu, &mut recorder, &sides, options.sigma)?, Some(sides)),
+            AntiAlias::Eq6 => {
+                let exact = &exact_distance(gpu, &mut recorder, &atlas, params, &sides)?;
+                recorder.submit()?;
+                recorder = Recorder::new(&gpu.device, &gpu.profiler);
+                let smooth = |room| eq6(gpu, &atlas, params, exact, &sides, room);
+                (with_room(room, atlas.node_count(), smooth)?, None)
+            }
         }
     };
     let tiles = DistanceBuffers::new(gpu, atlas.clone(), params, source)?;
@@ -212,60 +242,79 @@ fn axes(gpu: &Gpu, sigma: f64) -> [Buffer<Rule>; 2] {
     [0, 1].map(|vertical| gpu.device.uniform("rule", Rule { vertical, ..weights }))
 }
 
-/// Records `2 G - G * G` of the masks, on their sides.
-fn kernel(
-    gpu: &Gpu,
-    recorder: &mut Recorder<'_>,
-    atlas: &Atlas,
-    params: Params,
-    sides: &Buffer<[f32]>,
-    sigma: f64,
-) -> Result<Buffer<[f32]>> {
-    let device = &gpu.device;
-    let shape = Params { job_count: atlas.jobs.len() as u32, block_count: atlas.block_count() as u32, ..params };
-    let params = &device.uniform("params", shape);
-    let jobs = &device.upload("jobs", &atlas.jobs)?;
-    let blocks = &atlas.send_blocks(device)?;
-    let nodes = atlas.node_count();
-    let half = device.storage("half", nodes)?;
-    let once = &device.storage("once", nodes)?;
-    let twice = &device.storage("twice", nodes)?;
-    let axes = axes(gpu, sigma);
-    for (axis, first, result) in [(0, sides, &half), (1, &half, once), (0, once, &half), (1, &half, twice)] {
-        let gaussian = Gaussian { params, rule: &axes[axis], jobs, blocks, first, result }.bind(gpu);
-        recorder.run(&gaussian, Size::List(nodes));
-    }
-    let sharpen = Sharpen { params, rule: &axes[0], first: once, second: twice, sides, result: &half }.bind(gpu);
-    recorder.run(&sharpen, Size::List(nodes));
-    Ok(half)
+/// Tables of the tiles of some masks.
+struct Tables {
+    nodes: usize,
+    params: Buffer<Params>,
+    jobs: Buffer<[Job]>,
+    blocks: Buffer<[Block]>,
 }
 
-/// The paper's way: Eq. 6 on the binary field in a band around the masks' edges.
+impl Tables {
+    fn new(gpu: &Gpu, atlas: &Atlas, params: Params) -> Result<Self> {
+        let device = &gpu.device;
+        let shape = Params { job_count: atlas.jobs.len() as u32, block_count: atlas.block_count() as u32, ..params };
+        let (params, jobs) = (device.uniform("params", shape), device.upload("jobs", &atlas.jobs)?);
+        Ok(Tables { nodes: atlas.node_count(), blocks: blocks(gpu, atlas, &params, &jobs)?, params, jobs })
+    }
+
+    /// Records half a pixel to either side of masks.
+    fn spread(&self, gpu: &Gpu, recorder: &mut Recorder<'_>, masks: &[&[bool]]) -> Result<Buffer<[f32]>> {
+        let Tables { nodes, params, jobs, blocks } = self;
+        let (mask, result) = (&gpu.device.upload("mask", &bits(masks))?, gpu.device.storage("sides", *nodes)?);
+        recorder.run(&Spread { params, jobs, blocks, mask, result: &result }.bind(gpu), Size::List(*nodes));
+        Ok(result)
+    }
+
+    /// Records `2 G - G * G` of the masks, on their sides.
+    fn kernel(
+        &self,
+        gpu: &Gpu,
+        recorder: &mut Recorder<'_>,
+        sides: &Buffer<[f32]>,
+        sigma: f64,
+    ) -> Result<Buffer<[f32]>> {
+        let Tables { nodes, params, jobs, blocks } = self;
+        let storage = |label| gpu.device.storage(label, *nodes);
+        let (half, once, twice) = (storage("half")?, &storage("once")?, &storage("twice")?);
+        let axes = axes(gpu, sigma);
+        for (axis, first, result) in [(0, sides, &half), (1, &half, once), (0, once, &half), (1, &half, twice)] {
+            let gaussian = Gaussian { params, rule: &axes[axis], jobs, blocks, first, result }.bind(gpu);
+            recorder.run(&gaussian, Size::List(*nodes));
+        }
+        let sharpen = Sharpen { params, rule: &axes[0], first: once, second: twice, sides, result: &half }.bind(gpu);
+        recorder.run(&sharpen, Size::List(*nodes));
+        Ok(half)
+    }
+}
+
+/// The paper's way: Eq. 6 on the binary field `sides` in a band around the masks' edges, from the distances to them.
 fn eq6(
     gpu: &Gpu,
     atlas: &Atlas,
     params: Params,
-    exact: &[f32],
-    binary: &[f32],
+    exact: &Buffer<[f32]>,
     sides: &Buffer<[f32]>,
     room: usize,
 ) -> Result<Room<Buffer<[f32]>>> {
-    let exact = gpu.device.upload("phi", exact)?;
-    let front = Front::new(gpu, atlas.clone(), params, Some(exact), room)?;
+    let (nodes, bytes) = (atlas.node_count(), 4 * atlas.node_count() as u64);
+    let phi = gpu.device.storage("phi", nodes)?;
     let mut recorder = Recorder::new(&gpu.device, &gpu.profiler);
+    recorder.copy(exact, &phi, bytes);
+    let front = Front::new(gpu, atlas.clone(), params, Some(phi), room)?;
     front.begin(&mut recorder);
     let look = front.look(&mut recorder);
     let landed = recorder.submit()?.wait()?;
     if let Some(wanted) = front.overflow(&landed, &look)? {
         return Ok(Room::Short(wanted));
     }
-    front.replace_phi(binary);
-    let result = gpu.device.storage("smooth", atlas.node_count())?;
+    let result = gpu.device.storage("smooth", nodes)?;
     let rule = &gpu.device.uniform("rule", rule(&[]));
     let hold = HoldSides { params: &front.params, rule, first: &front.phi, sides, result: &result }.bind(gpu);
     let mut recorder = Recorder::new(&gpu.device, &gpu.profiler);
+    [&front.phi, &front.other].into_iter().for_each(|phi| recorder.copy(sides, phi, bytes));
     front.reinit(&mut recorder, EQ6_ITERATIONS);
-    recorder.run(&hold, Size::List(atlas.node_count()));
+    recorder.run(&hold, Size::List(nodes));
     recorder.submit()?;
     Ok(Room::Enough(result))
 }
@@ -306,24 +355,25 @@ fn condition(
     let device = &gpu.device;
     let nodes = tiles.atlas.node_count();
     let front = Front::new(gpu, tiles.atlas.clone(), params, None, room)?;
-    let result = &device.storage("result", nodes)?;
+    let result = device.storage("result", nodes)?;
     let rule = Rule { conditioned: (options.half_width + CONDITIONED) as f32, ..rule(&[]) };
     let rule = &device.uniform("rule", rule);
     let Front { params, blocks, phi, .. } = &front;
-    let put = PutConditioned { params, rule, blocks, first: phi, second: &tiles.d, result }.bind(gpu);
+    let put = PutConditioned { params, rule, blocks, first: phi, second: &tiles.d, result: &result }.bind(gpu);
     let mut recorder = Recorder::new(device, &gpu.profiler);
     recorder.copy(&tiles.d, phi, 4 * nodes as u64);
     front.begin(&mut recorder);
     front.reinit(&mut recorder, CONDITION_ITERATIONS);
     recorder.run(&put, Size::List(nodes));
     if let Some(sides) = mask {
-        restore_area(gpu, &mut recorder, &front, sides, result)?;
+        restore_area(gpu, &mut recorder, &front, sides, &result)?;
     }
     let look = front.look(&mut recorder);
-    let wanted: Wanted<f32> = recorder.read(result, 0, nodes);
+    let wanted: Wanted<f32> = recorder.read(&result, 0, nodes);
     let landed = recorder.submit()?.wait()?;
-    match front.overflow(&landed, &look)? {
-        Some(wanted) => Ok(Room::Short(wanted)),
-        None => Ok(Room::Enough(landed.taken(&wanted, |values| tiles.atlas.unpack(values))?)),
+    if let Some(wanted) = front.overflow(&landed, &look)? {
+        return Ok(Room::Short(wanted));
     }
+    let fields = landed.taken(&wanted, |values| tiles.atlas.unpack(values))?;
+    Ok(Room::Enough(fields))
 }

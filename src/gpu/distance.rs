@@ -3,6 +3,7 @@
 use super::Gpu;
 use super::answers::Wanted;
 use super::atlas::Atlas;
+use super::blocks::blocks;
 use super::buffer::Buffer;
 use super::device::failure;
 use super::kernels::{Bound, WORKGROUP, shader};
@@ -91,7 +92,7 @@ impl<'g> DistanceBuffers<'g> {
         let params = Params { job_count: atlas.jobs.len() as u32, block_count: atlas.block_count() as u32, ..params };
         let params = device.uniform("params", params);
         let jobs = device.upload("jobs", &atlas.jobs)?;
-        let blocks = atlas.send_blocks(device)?;
+        let blocks = blocks(gpu, &atlas, &params, &jobs)?;
         let d = device.storage("distance", atlas.node_count())?;
         let awake = device.zeroed("awake", patches.len())?;
         let changes = device.zeroed("changes", 1)?;

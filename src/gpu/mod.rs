@@ -8,6 +8,7 @@ pub mod adapter;
 mod answers;
 pub mod atlas;
 pub mod band;
+pub mod blocks;
 pub mod buffer;
 mod coalesce;
 mod compose;

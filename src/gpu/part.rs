@@ -3,7 +3,8 @@
 use rayon::prelude::*;
 
 use super::Gpu;
-use super::atlas::{Atlas, in_batches, padded};
+use super::answers::Wanted;
+use super::atlas::{Atlas, bits, in_batches, padded};
 use super::distance::{DistanceBuffers, NODE_BYTES};
 use super::kernels::shader;
 use super::layout::{Block, Job, Params};
@@ -22,7 +23,7 @@ shader! {
         jobs: Read [Job],
         blocks: Read [Block],
         whole: Read [f32],
-        inside: Read [f32],
+        inside: Read [u32],
         d: Write [f32],
         awake: Write [u32],
     }
@@ -33,7 +34,7 @@ shader! {
         jobs: Read [Job],
         blocks: Read [Block],
         whole: Read [f32],
-        inside: Read [f32],
+        inside: Read [u32],
         d: Write [f32],
     }
 }
@@ -42,18 +43,18 @@ shader! {
 pub fn part_fields(gpu: &Gpu, parts: &[PartJob], h: [f64; 2]) -> Result<Vec<Field>> {
     let mut out: Vec<Option<Field>> = parts.par_iter().map(PartJob::without_computing).collect();
     let open: Vec<usize> = (0..parts.len()).filter(|&k| out[k].is_none()).collect();
-    // Two tiles a job, with the whole field and the part's mask.
+    // Two tiles a job; the whole field, the part's mask and the answer once.
     let share = |&k: &usize| {
         let nodes = 2 * padded(parts[k].inside.len());
         gpu.share(nodes * (NODE_BYTES + 4), 4 * nodes).max(gpu.share_of_work(work::DISTANCE_PIXEL * nodes))
     };
     let fields = in_batches(gpu, open.iter().map(share), |batch| {
-        let batch = &open[batch];
-        let atlas = Atlas::new(batch.iter().flat_map(|&k| [parts[k].whole.dims; 2]));
+        let batch: Vec<&PartJob> = open[batch].iter().map(|&k| &parts[k]).collect();
         let device = &gpu.device;
-        let whole = atlas.send(device, "whole", batch.iter().flat_map(|&k| [&parts[k].whole; 2]), 1.0)?;
-        let masks: Vec<Field> = batch.par_iter().map(|&k| mask_field(&parts[k])).collect();
-        let inside = &atlas.send(device, "inside", masks.iter().flat_map(|m| [m; 2]), 0.0)?;
+        let atlas = Atlas::new(batch.iter().flat_map(|part| [part.whole.dims; 2]));
+        let once = Atlas::new(batch.iter().map(|part| part.whole.dims));
+        let whole = once.send(device, "whole", batch.iter().map(|part| &part.whole), 1.0)?;
+        let inside = &device.upload("inside", &bits(&batch.iter().map(|part| &part.inside[..]).collect::<Vec<_>>()))?;
         let params = Params { hx: h[0] as f32, hy: h[1] as f32, ..Params::default() };
         let tiles = DistanceBuffers::new(gpu, atlas, params, whole)?;
         let DistanceBuffers { params, jobs, blocks, u: whole, d, awake, .. } = &tiles;
@@ -63,15 +64,17 @@ pub fn part_fields(gpu: &Gpu, parts: &[PartJob], h: [f64; 2]) -> Result<Vec<Fiel
         recorder.run(&start, tiles.per_node());
         let mut recorder = tiles.settle(recorder)?;
         recorder.run(&finish, tiles.per_node());
-        let fields = tiles.read(recorder, |values| tiles.atlas.unpack(values))?;
-        Ok(fields.into_iter().step_by(2).collect())
+        let found = device.storage("parts", once.node_count())?;
+        for (own, job) in tiles.atlas.jobs.iter().step_by(2).zip(&once.jobs) {
+            let [from, to, count] = [own.offset, job.offset, job.nx * job.ny].map(|n| 4 * u64::from(n));
+            recorder.copy_part((d, from), (&found, to), count);
+        }
+        let wanted: Wanted<f32> = recorder.read(&found, 0, once.node_count());
+        let fields = recorder.submit()?.wait()?.taken(&wanted, |values| once.unpack(values))?;
+        Ok(fields)
     })?;
     for (k, field) in open.into_iter().zip(fields) {
         out[k] = Some(field);
     }
     Ok(out.into_iter().flatten().collect())
-}
-
-fn mask_field(job: &PartJob) -> Field {
-    Field { dims: job.whole.dims, data: job.inside.iter().map(|&m| f64::from(u8::from(m))).collect() }
 }

@@ -46,6 +46,41 @@ pub const LISTS: usize = 5;
 /// Timestamps of one submission at most.
 const MOST_QUERIES: u32 = 4096;
 
+fn groups(n: usize) -> usize {
+    n.div_ceil(WORKGROUP as usize)
+}
+
+/// Workgroups of a dispatch over a list, at most so many in a row and rows in a layer.
+fn list_shape(n: usize, most: usize) -> [usize; 3] {
+    let (groups, rows) = (groups(n), groups(n).div_ceil(most));
+    [groups.min(most), rows.min(most), rows.div_ceil(most)]
+}
+
+/// Workgroups that a device allows of a kernel.
+fn allowed(device: &Device, kernel: &str, shape: [usize; 3]) -> Result<[u32; 3]> {
+    let most = device.most_groups();
+    match shape.map(|n| u32::try_from(n).ok().filter(|n| *n <= most)) {
+        [Some(x), Some(y), Some(z)] => Ok([x, y, z]),
+        _ => Err(failure(format!(
+            "kernel `{kernel}`: {shape:?} workgroups, {} allows {most} along an axis",
+            device.summary.name
+        ))),
+    }
+}
+
+impl Device {
+    /// Runs a kernel over a list of `count` items before the next work, behind what was sent before.
+    ///
+    /// # Errors
+    /// [`crate::Error::Gpu`] for more workgroups than the device allows.
+    pub(super) fn run_before(&self, bound: &Bound<'_>, count: usize) -> Result<()> {
+        let shape = allowed(self, bound.label(), list_shape(count, self.grid() as usize))?;
+        self.count(|counts| counts.count_dispatches(1, count as u64));
+        self.uploads().run(self, bound, shape);
+        Ok(())
+    }
+}
+
 /// Work being recorded.
 pub struct Recorder<'d> {
     device: &'d Device,
@@ -118,26 +153,16 @@ impl<'d> Recorder<'d> {
             _ => self.device.count(|counts| counts.count_dispatches(1, pixels as u64)),
         }
         let most = self.device.grid() as usize;
-        let groups = |n: usize| n.div_ceil(WORKGROUP as usize);
         let shape = match size {
             Size::Indirect(buffer, offset, _) => return pass.dispatch_workgroups_indirect(buffer, offset),
-            Size::List(n) => {
-                let (groups, rows) = (groups(n), groups(n).div_ceil(most));
-                [groups.min(most), rows.min(most), rows.div_ceil(most)]
-            }
+            Size::List(n) => list_shape(n, most),
             Size::Rows(n, rows) => [groups(n), rows.min(most), rows.div_ceil(most)],
             Size::One => [1, 1, 1],
         };
-        match shape.map(|n| u32::try_from(n).ok().filter(|n| *n <= self.device.most_groups())) {
-            [Some(x), Some(y), Some(z)] => pass.dispatch_workgroups(x, y, z),
-            _ => {
-                let why = format!(
-                    "kernel `{}`: {shape:?} workgroups, {} allows {} along an axis",
-                    bound.label(),
-                    self.device.summary.name,
-                    self.device.most_groups()
-                );
-                self.refused.get_or_insert_with(|| failure(why));
+        match allowed(self.device, bound.label(), shape) {
+            Ok([x, y, z]) => pass.dispatch_workgroups(x, y, z),
+            Err(e) => {
+                self.refused.get_or_insert(e);
             }
         }
     }

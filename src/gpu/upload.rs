@@ -6,6 +6,7 @@ use bytemuck::Pod;
 use rayon::prelude::*;
 
 use super::device::Device;
+use super::kernels::Bound;
 use super::pool::{Pool, Raw};
 
 /// Bytes of the smallest chunk, and of the largest that is sent at once.
@@ -39,7 +40,7 @@ pub struct Chunk {
 #[derive(Debug, Default)]
 pub struct Uploads {
     encoder: Option<wgpu::CommandEncoder>,
-    /// Buffers that it writes.
+    /// Buffers that it writes or reads.
     targets: Vec<Raw>,
     /// Chunks with values that are not sent off.
     filling: Vec<Chunk>,
@@ -81,6 +82,16 @@ impl Uploads {
             sent += size;
         }
         self.targets.push(target.clone());
+    }
+
+    /// Runs a kernel before the next work, behind what was sent before.
+    pub fn run(&mut self, device: &Device, bound: &Bound<'_>, [x, y, z]: [u32; 3]) {
+        let descriptor = wgpu::ComputePassDescriptor { label: Some("uploads"), timestamp_writes: None };
+        let mut pass = self.encoder(device).begin_compute_pass(&descriptor);
+        bound.set(&mut pass);
+        pass.dispatch_workgroups(x, y, z);
+        drop(pass);
+        self.targets.extend(bound.buffers().iter().cloned());
     }
 
     /// Zeros a buffer before the next work.

@@ -13,7 +13,10 @@ use interslice::backend::requests::{ContourRequest, SweepRequest, TraceRequest};
 use interslice::backend::{ContourOptions, MorphOptions, PaddedSlice};
 use interslice::contour::seeds::seeds;
 use interslice::evaluate::demo::demo;
+use interslice::gpu::atlas::Atlas;
+use interslice::gpu::blocks::blocks;
 use interslice::gpu::device::Made;
+use interslice::gpu::layout::{Block, Params};
 use interslice::gpu::{Gpu, GpuOptions, GpuOrReference};
 use interslice::grid::field::Field;
 use interslice::progress::Silent;
@@ -101,6 +104,25 @@ fn too_little_memory_halves_batches_and_changes_no_bit() {
     match run(&made(Made { grants: Some(1 << 20), ..Made::default() }), stack, settings, None) {
         Err(Error::GpuMemory(message)) => assert!(message.contains("1048576"), "{message}"),
         other => panic!("1 MiB for a job alone gave {:?}", other.map(|body| body.layers.len())),
+    }
+}
+
+/// Tiles without pixels, and such as end within a block, in one table.
+#[test]
+fn every_block_knows_its_tile() {
+    let gpu = made(Made::default());
+    for dims in
+        [vec![[7usize, 9]], vec![[64, 1], [0, 5], [1, 65], [300, 200], [0, 0], [8, 8], [63, 1]], vec![[9, 9]; 200]]
+    {
+        let atlas = Atlas::new(dims.iter().copied());
+        let [job_count, block_count] = [atlas.jobs.len(), atlas.block_count()].map(|n| n as u32);
+        let params = gpu.device.uniform("params", Params { job_count, block_count, ..Params::default() });
+        let jobs = gpu.device.upload("jobs", &atlas.jobs).expect("room");
+        let table = blocks(&gpu, &atlas, &params, &jobs).expect("room");
+        let table = gpu.device.read(&table, 0, atlas.block_count()).expect("an answer");
+        let tiles = (0u32..).zip(&dims).flat_map(|(q, d)| vec![q; (d[0] * d[1]).div_ceil(64)]);
+        let expected: Vec<Block> = tiles.map(|job| Block { job, ..Block::default() }).collect();
+        assert_eq!(table, expected, "{dims:?}");
     }
 }
 

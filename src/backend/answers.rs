@@ -108,6 +108,14 @@ impl Backend for Remembering<'_> {
         self.backend.device_use()
     }
 
+    fn run_begins(&self) {
+        self.backend.run_begins();
+    }
+
+    fn run_ends(&self) {
+        self.backend.run_ends();
+    }
+
     fn contour_fields(&self, request: &ContourRequest<'_>, progress: &dyn Progress) -> Result<Vec<Field>> {
         self.check()?;
         let Some(answers) = self.answers else { return self.backend.contour_fields(request, progress) };

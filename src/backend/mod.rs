@@ -37,6 +37,23 @@ pub struct Means<'a> {
     pub budget: &'a Budget,
 }
 
+/// A run on a backend, until it is dropped.
+pub(crate) struct Lasting<'b>(&'b dyn Backend);
+
+impl<'b> Lasting<'b> {
+    /// Tells the backend that the run begins.
+    pub fn on(backend: &'b dyn Backend) -> Self {
+        backend.run_begins();
+        Lasting(backend)
+    }
+}
+
+impl Drop for Lasting<'_> {
+    fn drop(&mut self) {
+        self.0.run_ends();
+    }
+}
+
 /// A machine that runs the numeric stages: `Reference` or `Gpu`. `h` is the pixel's size in units of its larger side; fields and results are in that
 /// unit. Results come in the order of the jobs and do not depend on how a backend groups or parallelises them.
 ///
@@ -55,6 +72,14 @@ pub trait Backend: Sync {
     fn device_use(&self) -> Option<DeviceUse> {
         None
     }
+
+    /// Begin of a run, for which a backend may keep what it has made or been sent until [`Backend::run_ends`].
+    #[doc(hidden)]
+    fn run_begins(&self) {}
+
+    /// End of a run.
+    #[doc(hidden)]
+    fn run_ends(&self) {}
 
     /// Level sets of slices: anti-aliasing, distance, conditioning.
     ///

@@ -244,6 +244,14 @@ macro_rules! questions {
                 self.backend.device_use()
             }
 
+            fn run_begins(&self) {
+                self.backend.run_begins();
+            }
+
+            fn run_ends(&self) {
+                self.backend.run_ends();
+            }
+
             $(fn $question(&self, request: &$request $(, $progress: &dyn Progress)?) -> Result<$given> {
                 let given = self.backend.$question(request $(, $progress)?);
                 self.keep(stringify!($question), $print(request), given, Answer::$kind)

@@ -375,5 +375,6 @@ fn condition(
         return Ok(Room::Short(wanted));
     }
     let fields = landed.taken(&wanted, |values| tiles.atlas.unpack(values))?;
+    gpu.keep_tiles(result, &tiles.atlas, &fields);
     Ok(Room::Enough(fields))
 }

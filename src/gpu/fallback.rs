@@ -70,6 +70,14 @@ impl Backend for GpuOrReference<'_> {
         self.gpu.device_use()
     }
 
+    fn run_begins(&self) {
+        self.gpu.run_begins();
+    }
+
+    fn run_ends(&self) {
+        self.gpu.run_ends();
+    }
+
     fn contour_fields(&self, request: &ContourRequest<'_>, progress: &dyn Progress) -> Result<Vec<Field>> {
         self.ask(|backend| backend.contour_fields(request, progress))
     }

@@ -183,7 +183,7 @@ macro_rules! kernels {
 // Every shader, by the stem that its files share.
 kernels!(
     band hj_step reinit extend trace particles propagate scatter compose distance exact contour_field displacement
-    trajectories moving_slopes moving_layer morph_layer part blocks doctor
+    trajectories moving_slopes moving_layer morph_layer part blocks rescale doctor
 );
 
 /// A compiled shader and where its variables are bound.

@@ -433,3 +433,8 @@ mirrored!(
         padding: u32,
     }
 );
+
+mirrored!(
+    /// Number that a field's values are multiplied with (`rescale.wgsl`).
+    Factor { nearest: f32, first: u32, count: u32, padding: u32, }
+);

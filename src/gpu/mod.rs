@@ -40,6 +40,7 @@ mod queue;
 mod recorder;
 mod reinit;
 mod remeasure;
+mod rescale;
 mod resident;
 mod scatter;
 pub mod selftest;
@@ -138,10 +139,16 @@ impl Backend for Gpu {
         Some(self.device.used())
     }
 
+    fn run_begins(&self) {
+        self.resident.begin();
+    }
+
+    fn run_ends(&self) {
+        self.resident.end();
+    }
+
     fn contour_fields(&self, request: &ContourRequest<'_>, progress: &dyn Progress) -> Result<Vec<Field>> {
         let &ContourRequest { slices, dims, h, options } = request;
-        // A run begins: the last one's fields are gone.
-        self.resident.sweep();
         let jobs: Vec<SliceJob<'_>> =
             slices.iter().map(|slice| SliceJob { slice: Cow::Borrowed(slice), dims }).collect();
         self.waiting.slices.ask(&self.turns, (h, options), &jobs, progress, |jobs, progress| {

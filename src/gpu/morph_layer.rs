@@ -345,7 +345,8 @@ impl Ground {
         let fields = device.storage("fields", FIELDS * nodes + lone_values.len())?;
         device.write_from(&fields, FIELDS * nodes, &lone_values);
         let gap = moving.gap(0);
-        let images = [(&moving.fields[0], 1.0), (&moving.fields[1], 1.0), (&slopes[0], gap), (&slopes[1], gap)];
+        let [low, high] = slopes.each_ref().map(|slopes| (slopes, gap, moving.px));
+        let images = [(&moving.fields[0], 1.0, 1.0), (&moving.fields[1], 1.0, 1.0), low, high];
         for (k, image) in images.into_iter().enumerate() {
             gpu.place(recorder, image, (&fields, k * nodes))?;
         }

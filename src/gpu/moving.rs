@@ -36,7 +36,7 @@ pub fn per_pixel(dims: [usize; 2], count: usize) -> Size<'static> {
 }
 
 /// Largest value of an image on the device: products of two of them are finite in single precision.
-const FARTHEST: f64 = 1e15;
+pub const FARTHEST: f64 = 1e15;
 
 /// A value of an image as it lies on the device. Where a slice is empty it is infinite, which compilers for GPUs may take for anything.
 pub fn bounded(v: f64) -> f32 {

@@ -163,7 +163,8 @@ impl<'g, 'r> Flight<'g, 'r> {
         device.write_from(&fields, 4 * nodes, &lone);
         let parts = device.upload("parts", &parts)?;
         let gap = of.moving.gap(of.interval);
-        let images = [(low, 1.0), (high, 1.0), (of.slopes[0], gap), (of.slopes[1], gap)];
+        let slopes = of.slopes.map(|slopes| (slopes, gap, of.moving.px));
+        let images = [(low, 1.0, 1.0), (high, 1.0, 1.0), slopes[0], slopes[1]];
         for (k, image) in images.into_iter().enumerate() {
             gpu.place(&mut self.recorder, image, (&fields, k * nodes))?;
         }

@@ -74,17 +74,21 @@ fn of_slices(gpu: &Gpu, moving: &MotionField, batch: Range<usize>) -> Result<Vec
     let fields = &device.storage("slices", (end - first) * nodes)?;
     let mut recorder = Recorder::new(device, &gpu.profiler);
     for (k, field) in moving.fields[first..end].iter().enumerate() {
-        gpu.place(&mut recorder, (field, 1.0), (fields, k * nodes))?;
+        gpu.place(&mut recorder, (field, 1.0, 1.0), (fields, k * nodes))?;
     }
     let at_slices = moving.at_slices[first..end - 1].iter().flat_map(|both| both.iter());
     let vectors = &send_vectors(device, "vectors", at_slices)?;
     let knots = &device.upload("knots", &knots)?;
-    let slopes = &device.storage("slopes", batch.len() * nodes)?;
-    let find = FindSlopes { image, fields, vectors, knots, slopes }.bind(gpu);
+    let slopes = device.storage("slopes", batch.len() * nodes)?;
+    let find = FindSlopes { image, fields, vectors, knots, slopes: &slopes }.bind(gpu);
     recorder.run(&find, per_pixel(dims, batch.len()));
-    let wanted: Wanted<f32> = recorder.read(slopes, 0, batch.len() * nodes);
+    let wanted: Wanted<f32> = recorder.read(&slopes, 0, batch.len() * nodes);
     let values =
         |some: &[f32]| some.par_iter().with_min_len(VALUES_OF_A_THREAD).map(|v| f64::from(*v) / moving.px).collect();
     let field = |some: &[f32]| Field { dims, data: values(some) };
-    recorder.submit()?.wait()?.taken(&wanted, |values| values.par_chunks_exact(nodes).map(field).collect())
+    let landed = recorder.submit()?.wait()?;
+    let fields: Vec<Field> = landed.taken(&wanted, |values| values.par_chunks_exact(nodes).map(field).collect())?;
+    // A quotient times its divisor is the number again as soon as it is rounded to half of the digits.
+    gpu.keep_images(slopes, moving.px, &fields);
+    Ok(fields)
 }

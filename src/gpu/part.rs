@@ -71,6 +71,7 @@ pub fn part_fields(gpu: &Gpu, parts: &[PartJob], h: [f64; 2]) -> Result<Vec<Fiel
         }
         let wanted: Wanted<f32> = recorder.read(&found, 0, once.node_count());
         let fields = recorder.submit()?.wait()?.taken(&wanted, |values| once.unpack(values))?;
+        gpu.keep_tiles(found, &once, &fields);
         Ok(fields)
     })?;
     for (k, field) in open.into_iter().zip(fields) {

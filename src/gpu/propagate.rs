@@ -22,6 +22,7 @@ use super::work;
 use crate::backend::MorphOptions;
 use crate::backend::jobs::{Filled, SweepJob, SweepPair, Swept};
 use crate::error::Result;
+use crate::grid::field::Field;
 use crate::progress::Progress;
 use crate::reference::propagate::{FIRST_PASSES, PASSES};
 use crate::report::Residual;
@@ -184,8 +185,9 @@ fn run(
     let times = place_times(&mut atlas, &sweeps);
     let seeds = place_seeds(&mut atlas.jobs, sweeps.iter().map(|s| Valued::courses(s)), h);
     let copies = Copies::new(gpu, &mut atlas, room)?;
-    let phi = atlas.send(device, "phi", sweeps.iter().map(|s| &*s.source), 1.0)?;
-    let arrivals = atlas.send(device, "goal", sweeps.iter().map(|s| &*s.goal), 1.0)?;
+    let [sources, goals]: [Vec<&Field>; 2] =
+        [sweeps.iter().map(|s| &*s.source).collect(), sweeps.iter().map(|s| &*s.goal).collect()];
+    let (phi, arrivals) = (gpu.send_tiles("phi", &atlas, &sources)?, gpu.send_tiles("goal", &atlas, &goals)?);
     let params = Params { value_capacity: copies.value_capacity, ..morph_params(h, options) };
     let front = Front::new(gpu, atlas, params, Some(phi), room)?;
     let times = &device.upload("times", &times)?;

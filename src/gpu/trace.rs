@@ -15,6 +15,7 @@ use super::work;
 use crate::backend::MorphOptions;
 use crate::backend::jobs::{TraceJob, Traced};
 use crate::error::Result;
+use crate::grid::field::Field;
 use crate::grid::stencil::step_share;
 use crate::progress::Progress;
 use crate::report::Residual;
@@ -78,8 +79,9 @@ fn run(
 ) -> Result<Room<Vec<Traced>>> {
     let device = &gpu.device;
     let atlas = Atlas::new(morphs.iter().map(|m| m.source.dims));
-    let phi = atlas.send(device, "phi", morphs.iter().map(|m| &*m.source), 1.0)?;
-    let goal = &atlas.send(device, "goal", morphs.iter().map(|m| &*m.goal), 1.0)?;
+    let [sources, goals]: [Vec<&Field>; 2] =
+        [morphs.iter().map(|m| &*m.source).collect(), morphs.iter().map(|m| &*m.goal).collect()];
+    let (phi, goal) = (gpu.send_tiles("phi", &atlas, &sources)?, &gpu.send_tiles("goal", &atlas, &goals)?);
     let front = Front::new(gpu, atlas, morph_params(h, options), Some(phi), room)?;
     let sums = &device.zeroed("sums", morphs.len())?;
     let starts = morphs.iter().enumerate().flat_map(|(q, m)| m.seeds.iter().map(move |s| (q, s.x)));

@@ -47,6 +47,19 @@ impl Device {
         self.uploads().send_filled(self, &buffer.raw, 0, chunks, bytes);
     }
 
+    /// Copies `count` values from a place of one buffer to one of another before the next work.
+    pub(super) fn copy_before<T: Pod>(
+        &self,
+        (from, first): (&Buffer<[T]>, usize),
+        (to, place): (&Buffer<[T]>, usize),
+        count: usize,
+    ) {
+        let bytes = |values: usize| (values * size_of::<T>()) as u64;
+        if count > 0 {
+            self.uploads().copy(self, (&from.raw, bytes(first)), (&to.raw, bytes(place)), bytes(count));
+        }
+    }
+
     /// Sends bytes, from the byte `first` of a buffer on, with the next work.
     pub(super) fn send(&self, buffer: &Raw, first: u64, bytes: &[u8]) {
         self.count(|counts| counts.bytes_up += bytes.len() as u64);

@@ -84,6 +84,12 @@ impl Uploads {
         self.targets.push(target.clone());
     }
 
+    /// Copies bytes from a place of one buffer to one of another before the next work, behind what was sent before.
+    pub fn copy(&mut self, device: &Device, (from, first): (&Raw, u64), (target, place): (&Raw, u64), bytes: u64) {
+        self.encoder(device).copy_buffer_to_buffer(from, first, target, place, bytes);
+        self.targets.extend([from.clone(), target.clone()]);
+    }
+
     /// Runs a kernel before the next work, behind what was sent before.
     pub fn run(&mut self, device: &Device, bound: &Bound<'_>, [x, y, z]: [u32; 3]) {
         let descriptor = wgpu::ComputePassDescriptor { label: Some("uploads"), timestamp_writes: None };

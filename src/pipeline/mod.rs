@@ -45,7 +45,7 @@ use self::finish::Takers;
 use self::links::{IntervalLinks, find_links};
 use self::morph::morph;
 use self::span::Span;
-use crate::backend::Means;
+use crate::backend::{Lasting, Means};
 use crate::error::{Error, Result};
 use crate::grid::seen::Seen;
 use crate::grid::tile::{Tile, samples};
@@ -252,6 +252,7 @@ pub fn run(
     if settings.slope.overshoots() {
         report.warnings.extend(whole.unlike_gaps());
     }
+    let _lasting = Lasting::on(backend);
     let contours = stage(&run, &mut report, "distance", stack.slices.len(), |report| {
         let (contours, reports) = distance(&run)?;
         report.contours = reports;

@@ -107,6 +107,24 @@ fn too_little_memory_halves_batches_and_changes_no_bit() {
     }
 }
 
+/// Fields that the device has made or was sent stay there; where its memory has no room for them they are sent again.
+#[test]
+fn fields_that_cannot_stay_are_sent_again_and_change_no_bit() {
+    for (name, stack, settings) in both() {
+        let of = |memory: Option<u64>| {
+            let gpu = Gpu::open(&GpuOptions { memory, ..GpuOptions::default() }).expect("a driver");
+            (bits(run(&gpu, &stack, &settings, None)), gpu.profile().bytes_up)
+        };
+        let ((whole, once), (scarce, again)) = (of(None), of(Some(SCARCE)));
+        println!("{name}: {once} bytes sent, {again} where little stays");
+        assert!(again > once + once / 10, "{name}: {once} bytes sent, then {again}");
+        assert!(whole == scarce, "{name}: what stays changes the result");
+    }
+}
+
+/// Bytes of buffers with which a stack of the paper is done, a tenth of which its fields are more than.
+const SCARCE: u64 = 8 << 20;
+
 /// Tiles without pixels, and such as end within a block, in one table.
 #[test]
 fn every_block_knows_its_tile() {

@@ -1,5 +1,7 @@
 //! Tails of an interval, and which of them slide.
 
+use rayon::prelude::*;
+
 use super::tail::{AROUND, Beside, RIM, Tail};
 use crate::contour::Contour;
 use crate::grid::field::{cell, position};
@@ -37,8 +39,8 @@ impl Candidates {
         apart: &[(u32, u32)],
         h: [f64; 2],
     ) -> Self {
-        let lower = found(low, high, (&at_slices[0], 1.0), h);
-        let mut upper = found(high, low, (&at_slices[1], -1.0), h);
+        let (lower, mut upper) =
+            rayon::join(|| found(low, high, (&at_slices[0], 1.0), h), || found(high, low, (&at_slices[1], -1.0), h));
         upper.iter_mut().for_each(|found| found.pair.reverse());
         let mut tails = [lower, upper];
         tails.iter_mut().for_each(|tails| tails.retain(|found| !apart.contains(&found.pair.into())));
@@ -101,7 +103,7 @@ fn found(own: &Contour, other: &Contour, (to, sign): (&Displacement, f64), h: [f
         }
     }
     let margin = samples(AROUND, h).map(|n| n.max(AROUND) + 1);
-    let parts = (1..=own.solids.count as u32).filter(|part| far[*part as usize]);
+    let parts: Vec<u32> = (1..=own.solids.count as u32).filter(|part| far[*part as usize]).collect();
     let by_depth = |a: &usize, b: &usize| other.phi.data[*a].total_cmp(&other.phi.data[*b]);
     let of_part = |part: u32| {
         let tile = own.tile_of(&[part], margin);
@@ -122,5 +124,6 @@ fn found(own: &Contour, other: &Contour, (to, sign): (&Displacement, f64), h: [f
         };
         beside.tails(WHOLE).into_iter().filter_map(over).collect::<Vec<_>>()
     };
-    parts.flat_map(of_part).collect()
+    // Whoever makes the layers waits for this.
+    parts.into_par_iter().flat_map_iter(of_part).collect()
 }

@@ -108,7 +108,7 @@ pub enum EndRule {
     Flat,
     /// Keep the contour for half a gap, then a flat lid.
     HalfSlice,
-    /// Close as the areas of the last three contours say: exact for spheres, ellipsoids, paraboloids and cones.
+    /// Close as the areas of the last three or four contours say: exact for spheres, ellipsoids, paraboloids and cones.
     Extrapolate,
     /// Close at this height (unit of the stack), beginning as these areas do.
     Peak(f64),

@@ -29,6 +29,8 @@ pub struct EndReport {
 pub enum CapRule {
     /// The area is quadratic through the last three contours: sphere, ellipsoid, paraboloid.
     Quadratic,
+    /// The area goes on by the line of the third and the fourth contour and falls from there by a square: a rod that is rounded off.
+    Rounded,
     /// The square root of the area is linear through the last two contours, as the quadratic of three would never end.
     Cone,
     /// The area is linear through the last two contours, as there is no third: paraboloid.

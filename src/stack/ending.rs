@@ -4,14 +4,16 @@
 //! inward, an area that is off by d counts for d T^2 / (g h). The nearest is nearest to the end, too: it is passed over only where it lies within a twelfth
 //! of the usual gap, and the next lies a quarter of it farther in.
 
-/// Contours that have a say in how the body ends.
-const SAY: usize = 3;
+/// Contours that have a say in how the body ends: three, and a fourth that tells where the fall of the areas begins.
+const SAY: usize = 4;
+/// Those by which the height of an end is measured, and without which slices that lie close together have a say as well.
+const MEASURED: usize = 3;
 /// Slices, from the end inward, among which they are.
 pub const LOOKED_AT: usize = 9;
 /// Gaps, from the end inward, of which the widest is the usual one there, unless the stack's middle gap is narrower.
 const AROUND: usize = 4;
-/// Least distances of the second from the first and of the third from the second, usual gaps.
-const APART: [f64; SAY - 1] = [1.0 / 12.0, 0.25];
+/// Least distances of the second from the first, of the third from the second and of the fourth from the third, usual gaps.
+const APART: [f64; SAY - 1] = [1.0 / 12.0, 0.25, 0.25];
 /// Least gap that the height of an end is measured by, usual gaps.
 const LEAST: f64 = 0.5;
 
@@ -32,12 +34,14 @@ pub fn ending(z: &[f64], middle: f64) -> Vec<usize> {
             some.push(k);
         }
     }
-    if some.len() < SAY { (0..z.len().min(SAY)).collect() } else { some }
+    if some.len() < MEASURED { (0..z.len().min(MEASURED)).collect() } else { some }
 }
 
-/// The gap by which the height of an end is measured: the wider of the two between slices that have a say, and half of the usual one at least.
+/// The gap by which the height of an end is measured: the wider of the first two between slices that have a say, and half of the usual one at least.
 pub fn gap_of_ending(z: &[f64], middle: f64) -> f64 {
-    let apart = ending(z, middle).windows(2).map(|pair| (z[pair[1]] - z[pair[0]]).abs()).fold(0.0, f64::max);
+    let some = ending(z, middle);
+    let pairs = some[..some.len().min(MEASURED)].windows(2);
+    let apart = pairs.map(|pair| (z[pair[1]] - z[pair[0]]).abs()).fold(0.0, f64::max);
     apart.max(LEAST * usual(z, middle))
 }
 
@@ -84,16 +88,17 @@ mod tests {
         for (z, middle, wanted) in [
             (&[][..], 0.0, &[][..]),
             (&[3.0, 1.0], 2.0, &[0, 1]),
-            (&[0.0, 1.0, 2.0, 3.0], 1.0, &[0, 1, 2]),
+            (&[0.0, 1.0, 2.0, 3.0, 4.0], 1.0, &[0, 1, 2, 3]),
+            (&[0.0, 1.0, 2.0], 1.0, &[0, 1, 2]),
             // Gaps of up to 1 : 4 are as they were.
-            (&[0.0, 1.0, 2.0, 6.0, 10.0], 4.0, &[0, 1, 2]),
-            (&[41.0, 40.5, 40.0, 30.0, 20.0], 10.0, &[0, 2, 3]),
+            (&[0.0, 1.0, 2.0, 6.0, 10.0], 4.0, &[0, 1, 2, 3]),
+            (&[41.0, 40.5, 40.0, 30.0, 20.0], 10.0, &[0, 2, 3, 4]),
             (&[40.5, 40.25, 40.0, 30.0, 20.0], 10.0, &[0, 3, 4]),
-            (&[41.0, 40.0, 30.0, 29.9, 20.0], 10.0, &[0, 1, 2]),
-            (&[41.0, 40.0, 39.0, 30.0, 20.0], 10.0, &[0, 1, 3]),
+            (&[41.0, 40.0, 30.0, 29.9, 20.0], 10.0, &[0, 1, 2, 4]),
+            (&[41.0, 40.0, 39.0, 30.0, 20.0], 10.0, &[0, 1, 3, 4]),
             // Drawn more closely towards the end, or an end in which slices are missing.
-            (&[0.0, 1.0, 2.0, 3.0, 4.0, 24.0, 44.0], 20.0, &[0, 1, 2]),
-            (&[0.0, 20.0, 22.0, 24.0], 2.0, &[0, 1, 2]),
+            (&[0.0, 1.0, 2.0, 3.0, 4.0, 24.0, 44.0], 20.0, &[0, 1, 2, 3]),
+            (&[0.0, 20.0, 22.0, 24.0], 2.0, &[0, 1, 2, 3]),
             // Too few so far apart.
             (&[20.5, 20.0, 0.0], 20.0, &[0, 1, 2]),
         ] {

@@ -1,11 +1,13 @@
 //! Law by which the area of a part falls beyond the last contour.
 //!
 //! The area of a sphere, an ellipsoid or a paraboloid cut by parallel planes is quadratic in their height, that of a cone with its tip on the axis
-//! the square of a line: three contours give such bodies' ends exactly, whatever the cross-section's shape.
+//! the square of a line: three contours give such bodies' ends exactly, whatever the cross-section's shape. A fourth tells where a body goes on evenly and is
+//! [rounded off](crate::pipeline::ends::rounded) only then.
 
 use std::f64::consts::PI;
 
 use crate::grid::spline::smoothstep;
+use crate::pipeline::ends::rounded::Rounded;
 use crate::report::CapRule;
 
 /// A tip up to so many times as far as the highest that is allowed is brought there; beyond it is lower, and from the other on there is none, unless the
@@ -41,14 +43,17 @@ impl Law {
     }
 
     /// The law through the areas of contours, the outermost first, at distances `away` (increasing, the first 0) inward, no higher than
-    /// `highest`: through three of them, else two. Nothing where the area does not fall towards the end, or so little that the body goes on far
+    /// `highest`: through three of them, which a fourth may correct, else two. Nothing where the area does not fall towards the end, or so little that the body goes on far
     /// beyond, or where there is but one.
     pub fn through(areas: &[f64], away: &[f64], highest: f64) -> Option<(Self, CapRule)> {
         let (&[area, inner, ..], &[_, gap, ..]) = (areas, away) else { return None };
         if inner - area <= LEAST_FALL * inner.sqrt() {
             return None;
         }
-        let (law, rule) = match quadratic(areas, away) {
+        let rounded = Rounded::through(areas, away);
+        let parabola = quadratic(areas, away);
+        let highest = rounded.map_or(highest, |rounded| rounded.limit(gap, highest));
+        let (law, rule) = match rounded.map_or(parabola, |rounded| parabola.map(|parabola| rounded.blended(parabola))) {
             None => (Law::paraboloid(area, (area - inner) / gap, f64::INFINITY)?, CapRule::Paraboloid),
             Some([slope, bend]) => {
                 // Of cones 0, of paraboloids 1, of balls more. The nearer zero of a cone's area is off by the root of what the area is off by: towards it
@@ -62,7 +67,12 @@ impl Law {
                 let blend = |a: f64, b: f64| if share > 0.0 { a + share * (b - a) } else { a };
                 let height = blend(cone.height, height);
                 let law = Law::ending(area, blend(cone.slope(), slope), height);
-                (law, if share < 0.5 { CapRule::Cone } else { CapRule::Quadratic })
+                let rule = match rounded {
+                    _ if share < 0.5 => CapRule::Cone,
+                    Some(rounded) if rounded.share >= 0.5 => CapRule::Rounded,
+                    _ => CapRule::Quadratic,
+                };
+                (law, rule)
             }
         };
         if law.height <= highest {

@@ -3,6 +3,7 @@
 pub(crate) mod end_caps;
 pub mod end_law;
 pub(crate) mod end_parts;
+pub mod rounded;
 
 use super::context::{Context, Sink};
 use crate::contour::Contour;

@@ -183,12 +183,12 @@ impl BodyWriter for SimplerWriter {
     }
 
     fn prepare(&mut self, mesh: &mut Spool) -> io::Result<Option<String>> {
-        Ok(self.simplifier.simpler(mesh)?.err())
+        Ok(self.simplifier.simpler(mesh)?.map_or_else(Some, |simpler| simpler.warning()))
     }
 
     fn finish(&mut self, end: &mut Ending<'_>) -> io::Result<()> {
         match self.simplifier.simpler(end.mesh)? {
-            Ok(simpler) => (self.write)(&mut &*simpler),
+            Ok(simpler) => (self.write)(&mut &*simpler.mesh),
             Err(_) => (self.write)(end.mesh),
         }
     }

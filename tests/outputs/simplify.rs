@@ -4,7 +4,8 @@ use std::fs;
 
 use crate::files::folder;
 use crate::support::{edge_defects, merged};
-use crate::written::{collected, cone, write};
+use crate::written::{collected, cone, drawn, write};
+use glam::DVec3;
 use interslice::Settings;
 use interslice::evaluate::demo::demo;
 use interslice::files::options::OutputOptions;
@@ -67,6 +68,40 @@ fn simpler_meshes_are_closed_and_near() {
         assert_eq!(euler(&simpler), euler(&mesh), "{name}");
         assert!(far[0] <= error && far[1] <= error, "{name}: {far:?} beyond {error}");
         assert!((simpler.triangles.len() as f64) < share * mesh.triangles.len() as f64, "{name}, {error}");
+    }
+}
+
+#[test]
+fn round_bodies_keep_their_volume_and_what_they_lose_is_told() {
+    // Errors, parts of the triangles that may be left, and of the volume that may be lost. By vertices that stay where they
+    // are 0.6, 2.7 and 14 % are.
+    let heights: Vec<f64> = (0..14).map(|k| 4.0 * f64::from(k) - 26.0).collect();
+    let ellipsoid = |x: f64, y: f64, z: f64| DVec3::new((x - 35.3) / 30.0, (y - 24.6) / 18.0, z / 26.5).length() < 1.0;
+    let stack = drawn([71, 50], &heights, ellipsoid);
+    let whole = closed_surface(&collected(&stack, &Settings::default()));
+    for (error, share, lost) in [(0.3, 0.1, 0.0045), (1.0, 0.03, 0.015), (4.0, 0.01, 0.09)] {
+        let simpler = simplified(&whole, error).expect("there is a simpler one");
+        let (gain, left) = (simpler.volume() / whole.volume() - 1.0, simpler.triangles.len());
+        println!("{error}: {left} of {} triangles, volume {:+.2} %", whole.triangles.len(), 100.0 * gain);
+        assert!((left as f64) < share * whole.triangles.len() as f64 && gain.abs() < lost, "{error}: {left}, {gain}");
+        let place = folder();
+        let output = OutputOptions { simplify: Some(error), ..OutputOptions::default() };
+        let report = write(place.path(), &stack, &Settings::default(), output, &["a.stl", "a.ply"]);
+        let told = format!("simplify: {left} triangles enclose {:.1} % less volume than the full mesh", -100.0 * gain);
+        let times = report.warnings.iter().filter(|w| w.contains("simplify")).count();
+        assert_eq!(times, usize::from(gain < -0.01), "{:?}", report.warnings);
+        assert!(times == 0 || report.warnings.contains(&told), "{:?} for {told}", report.warnings);
+    }
+}
+
+#[test]
+fn an_error_larger_than_the_body_leaves_a_body() {
+    let whole = closed_surface(&collected(&cone(), &Settings::default()));
+    for error in [30.0, 1e3, 1e6] {
+        let simpler = simplified(&whole, error).expect("there is a simpler one");
+        println!("{error}: {} of {} triangles", simpler.triangles.len(), whole.triangles.len());
+        assert!((4..=400).contains(&simpler.triangles.len()), "{error}: {}", simpler.triangles.len());
+        assert!(edge_defects(&simpler.triangles) == 0 && euler(&simpler) == 2 && simpler.volume() > 0.0, "{error}");
     }
 }
 

@@ -35,17 +35,22 @@ pub fn collected(stack: &ContourStack, settings: &Settings) -> Reconstruction {
 
 /// A disc that shrinks by a pixel a slice.
 pub fn cone() -> ContourStack {
+    drawn([64, 60], &[0.0, 3.0, 6.0, 9.0], |x, y, z| (x - 31.3).hypot(y - 29.6) < 24.0 - z)
+}
+
+/// What lies `inside`, on slices at these heights.
+pub fn drawn([nx, ny]: [usize; 2], heights: &[f64], inside: impl Fn(f64, f64, f64) -> bool) -> ContourStack {
     let mut stack = demo("fig10").expect("a demo").stack;
-    let [nx, ny] = [64, 60];
-    let (mut slice, heights) = (stack.slices[0].clone(), [0.0, 3.0, 6.0, 9.0]);
+    let mut slice = stack.slices[0].clone();
     stack.dims = [nx, ny];
     stack.spacing = [1.0, 1.0];
     stack.z_out = None;
+    let place = |k: usize| [(k % nx) as f64, (k / nx) as f64];
     stack.slices = heights
-        .into_iter()
-        .map(|z| {
-            let disc = |k: usize| ((k % nx) as f64 - 31.3).hypot((k / nx) as f64 - 29.6) < 24.0 - z;
-            slice.content = interslice::stack::SliceContent::Mask((0..nx * ny).map(disc).collect());
+        .iter()
+        .map(|&z| {
+            let mask = (0..nx * ny).map(place).map(|[x, y]| inside(x, y, z)).collect();
+            slice.content = interslice::stack::SliceContent::Mask(mask);
             slice.name = format!("z{z}");
             slice.z = z;
             slice.clone()

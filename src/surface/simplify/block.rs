@@ -1,5 +1,7 @@
 //! A block of the surface.
 
+use glam::DVec3;
+
 use super::super::mesh::Mesh;
 
 /// A block: triangles of the surface as it is now, and the samples of the given one that lie within the error of them.
@@ -10,6 +12,8 @@ pub(super) struct Block<'m> {
     pub error: f64,
     /// Numbers of the block's vertices, increasing.
     pub vertices: Vec<u32>,
+    /// Where these lie now.
+    pub positions: Vec<DVec3>,
     /// Its triangles, by places among these.
     pub triangles: Vec<[u32; 3]>,
     /// Vertices that other blocks have as well.

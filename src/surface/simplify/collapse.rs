@@ -1,7 +1,7 @@
 //! A block of the surface made simpler, its border kept: tried with locks around what fails, until what is measured is within the error.
 
 use glam::DVec3;
-use meshopt::{SimplifyOptions, VertexDataAdapter};
+use meshopt::{SimplifyOptions, SimplifyVertex};
 
 use super::block::Block;
 use super::measure::{BlockError, Far};
@@ -22,6 +22,8 @@ const TEARS: usize = 4;
 pub(super) struct Simpler {
     /// Triangles, by the given surface's vertices.
     pub triangles: Vec<[u32; 3]>,
+    /// Vertices that lie elsewhere now, and where.
+    pub moved: Vec<(u32, DVec3)>,
     /// Triangle near each sample of the block.
     pub near: Vec<u32>,
 }
@@ -32,27 +34,21 @@ impl Block<'_> {
         if stop.is_asked() {
             return None;
         }
-        let positions: Vec<DVec3> = self.vertices.iter().map(|&v| self.given.positions[v as usize]).collect();
-        let first = *positions.first()?;
-        // About the first vertex, so that f32 suffices far from the world's origin.
-        let near: Vec<[f32; 3]> = positions.iter().map(|p| (*p - first).as_vec3().to_array()).collect();
-        let data = VertexDataAdapter::new(bytemuck::cast_slice(&near), size_of::<[f32; 3]>(), 0).ok()?;
-        let measure = BlockError::new(self, positions);
+        let measure = BlockError::new(self);
         let number = euler(&self.triangles);
         let mut locked = self.border.clone();
-        let mut estimate = ESTIMATE * self.error;
+        let [low, high] = self
+            .positions
+            .iter()
+            .fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], p| [low.min(*p), high.max(*p)]);
+        // Of a larger error the tries would not come down to one that leaves a body.
+        let mut estimate = ESTIMATE * self.error.min((high - low).length());
         let (mut tears, mut fars) = (0, 0);
         for _ in 0..TRIES {
             if stop.is_asked() {
                 return None;
             }
-            let options = SimplifyOptions::ErrorAbsolute;
-            let corners = self.triangles.as_flattened();
-            let left = meshopt::simplify_with_locks(corners, &data, &locked, 0, estimate as f32, options, None);
-            if left.len() == corners.len() {
-                return None;
-            }
-            let triangles: Vec<[u32; 3]> = left.as_chunks().0.to_vec();
+            let (triangles, positions) = self.collapsed(&locked, estimate)?;
             let torn = torn_within(&triangles, &self.triangles, &self.border);
             if !torn.is_empty() {
                 self.lock(&torn, 1 + tears / TEARS, &mut locked);
@@ -63,10 +59,12 @@ impl Block<'_> {
                 estimate *= LESS;
                 continue;
             }
-            match measure.near(self, &triangles) {
+            match measure.near(self, &triangles, &positions) {
                 Ok(near) => {
                     let triangles = triangles.iter().map(|t| t.map(|v| self.vertices[v as usize])).collect();
-                    return Some(Simpler { triangles, near });
+                    let places = self.vertices.iter().zip(&self.positions).zip(positions);
+                    let moved = places.filter(|((_, from), to)| *from != to).map(|((v, _), to)| (*v, to)).collect();
+                    return Some(Simpler { triangles, moved, near });
                 }
                 Err(Far { around, count }) if count * FEW > self.samples.len() => {
                     // Slivers and needles vanish at no cost to a quadric, whatever the estimate.
@@ -83,6 +81,52 @@ impl Block<'_> {
             }
         }
         None
+    }
+
+    /// Triangles by edge collapses, and where the vertices lie then: a vertex that takes in others comes to where the planes around them are nearest, as a body
+    /// that is round everywhere would lose volume by a choice of its own vertices. Nothing where none was found.
+    fn collapsed(&self, locked: &[bool], estimate: f64) -> Option<(Vec<[u32; 3]>, Vec<DVec3>)> {
+        let first = *self.positions.first()?;
+        // About the first vertex, so that f32 suffices far from the world's origin.
+        let before: Vec<[f32; 3]> = self.positions.iter().map(|p| (*p - first).as_vec3().to_array()).collect();
+        let flag = |locked: &bool| if *locked { SimplifyVertex::Lock } else { SimplifyVertex::None };
+        let flags: Vec<SimplifyVertex> = locked.iter().map(flag).collect();
+        let (mut corners, mut after) = (self.triangles.as_flattened().to_vec(), before.clone());
+        let options = SimplifyOptions::ErrorAbsolute;
+        let (places, limit) = (&mut after[..], estimate as f32);
+        let left =
+            meshopt::simplify_with_update(&mut corners, places, &mut [], &[], 0, Some(&flags), 0, limit, options, None);
+        if left == corners.len() {
+            return None;
+        }
+        corners.truncate(left);
+        let triangles: Vec<[u32; 3]> = corners.as_chunks().0.to_vec();
+        let moved = |((old, before), after): ((&DVec3, &[f32; 3]), &[f32; 3])| match before == after {
+            true => *old,
+            false => first + DVec3::from(after.map(f64::from)),
+        };
+        let mut positions: Vec<DVec3> = self.positions.iter().zip(&before).zip(&after).map(moved).collect();
+        self.keep_sides(&triangles, &mut positions);
+        Some((triangles, positions))
+    }
+
+    /// Takes back what has turned a triangle over.
+    fn keep_sides(&self, triangles: &[[u32; 3]], positions: &mut [DVec3]) {
+        let normal = |t: &[u32; 3], at: &[DVec3]| {
+            let [a, b, c] = t.map(|v| at[v as usize]);
+            (b - a).cross(c - a)
+        };
+        loop {
+            let is_turned = |t: &&[u32; 3]| {
+                let is_moved = t.iter().any(|&v| positions[v as usize] != self.positions[v as usize]);
+                is_moved && normal(t, &self.positions).dot(normal(t, positions)) <= 0.0
+            };
+            let turned: Vec<u32> = triangles.iter().filter(is_turned).copied().flatten().collect();
+            if turned.is_empty() {
+                return;
+            }
+            turned.into_iter().for_each(|v| positions[v as usize] = self.positions[v as usize]);
+        }
     }
 
     /// Keeps vertices and `rings` of triangles around them as they are.

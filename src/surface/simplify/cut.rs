@@ -1,21 +1,26 @@
 //! Triangles in blocks of neighbours.
 
+use glam::DVec3;
 use rayon::prelude::*;
 
-use super::super::mesh::Mesh;
-
-/// Triangles of `mesh`, by their numbers, in blocks whose weights are at most `most`, cut in two at `share` of the triangles along the
+/// Triangles between these positions, by their numbers, in blocks whose weights are at most `most`, cut in two at `share` of the triangles along the
 /// longest side again and again.
-pub(super) fn blocks(mesh: &Mesh, triangles: &[[u32; 3]], weights: &[u32], most: usize, share: f64) -> Vec<Vec<u32>> {
+pub(super) fn blocks(
+    positions: &[DVec3],
+    triangles: &[[u32; 3]],
+    weights: &[u32],
+    most: usize,
+    share: f64,
+) -> Vec<Vec<u32>> {
     let mut order: Vec<u32> = (0..triangles.len() as u32).collect();
     let mut blocks = Vec::new();
-    cut(mesh, triangles, weights, most, share, &mut order, &mut blocks);
+    cut(positions, triangles, weights, most, share, &mut order, &mut blocks);
     blocks.par_iter_mut().for_each(|b: &mut Vec<u32>| b.sort_unstable());
     blocks
 }
 
 fn cut(
-    mesh: &Mesh,
+    positions: &[DVec3],
     triangles: &[[u32; 3]],
     weights: &[u32],
     most: usize,
@@ -29,7 +34,7 @@ fn cut(
     }
     // Three times the middle.
     let middle =
-        |t: u32, axis: usize| -> f64 { triangles[t as usize].iter().map(|&v| mesh.positions[v as usize][axis]).sum() };
+        |t: u32, axis: usize| -> f64 { triangles[t as usize].iter().map(|&v| positions[v as usize][axis]).sum() };
     let extent = |axis: usize| {
         let range = order.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], &t| {
             let x = middle(t, axis);
@@ -42,8 +47,8 @@ fn cut(
     let at = ((order.len() as f64 * share) as usize).clamp(1, order.len() - 1);
     order.select_nth_unstable_by(at, |&s, &t| middle(s, longest).total_cmp(&middle(t, longest)).then(s.cmp(&t)));
     let (low, high) = order.split_at_mut(at);
-    cut(mesh, triangles, weights, most, share, low, blocks);
-    cut(mesh, triangles, weights, most, share, high, blocks);
+    cut(positions, triangles, weights, most, share, low, blocks);
+    cut(positions, triangles, weights, most, share, high, blocks);
 }
 
 /// Numbers of the keys that have each of `count` values, increasing.

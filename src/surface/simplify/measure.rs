@@ -19,8 +19,6 @@ const NEW_STEP: f64 = 1.0 / 6.0;
 
 /// Means to measure a block with.
 pub(super) struct BlockError {
-    /// Positions of the block's vertices.
-    positions: Vec<DVec3>,
     /// Number of each triangle of the block.
     numbers: HashMap<[u32; 3], u32>,
     /// The given triangles whose middles the block has, and for each the block's triangle near its middle.
@@ -46,15 +44,14 @@ impl Far {
 }
 
 impl BlockError {
-    /// The means for `block`, whose vertices lie at `positions`.
-    pub fn new(block: &Block<'_>, positions: Vec<DVec3>) -> Self {
+    /// The means for `block`.
+    pub fn new(block: &Block<'_>) -> Self {
         let first_middle = block.given.positions.len() as u32;
         let middles = block.samples.iter().filter(|[s, _]| *s >= first_middle);
         let (corners, beside): (Vec<_>, Vec<_>) =
             middles.map(|[s, t]| (corners_of(block.given, (s - first_middle) as usize), *t)).unzip();
         let sides = corners.iter().map(|[a, b, _]| b.distance(*a)).sum::<f64>() / corners.len().max(1) as f64;
         BlockError {
-            positions,
             numbers: block.triangles.iter().zip(0..).map(|(t, n)| (*t, n)).collect(),
             given: TriangleTree::of(corners.iter().copied()),
             corners,
@@ -64,14 +61,16 @@ impl BlockError {
         }
     }
 
-    /// One of `triangles` near each sample of the block, where all are near, and all samples of these near the given surface.
-    pub fn near(&self, block: &Block<'_>, triangles: &[[u32; 3]]) -> Result<Vec<u32>, Far> {
-        let corners: Vec<_> = triangles.iter().map(|t| t.map(|v| self.positions[v as usize])).collect();
+    /// One of `triangles`, whose vertices lie at `positions`, near each sample of the block, where all are near, and all samples of these near the
+    /// given surface.
+    pub fn near(&self, block: &Block<'_>, triangles: &[[u32; 3]], positions: &[DVec3]) -> Result<Vec<u32>, Far> {
+        let corners: Vec<_> = triangles.iter().map(|t| t.map(|v| positions[v as usize])).collect();
+        let is_moved = |t: &[u32; 3]| t.iter().any(|&v| positions[v as usize] != block.positions[v as usize]);
         // What has stayed need not be measured again.
         let mut still = vec![None; block.triangles.len()];
         let mut is_new = vec![true; triangles.len()];
         for (n, t) in triangles.iter().enumerate() {
-            if let Some(&old) = self.numbers.get(t) {
+            if let Some(&old) = self.numbers.get(t).filter(|_| !is_moved(t)) {
                 still[old as usize] = Some(n as u32);
                 is_new[n] = false;
             }
@@ -115,7 +114,7 @@ impl BlockError {
 
     /// Whether `p` was near the block as it was: where not, it is near another one, which has to keep it.
     fn was_near(&self, block: &Block<'_>, p: DVec3) -> bool {
-        let is_near = |t: &[u32; 3]| distance_2(t.map(|v| self.positions[v as usize]), p) <= self.reach * self.reach;
+        let is_near = |t: &[u32; 3]| distance_2(t.map(|v| block.positions[v as usize]), p) <= self.reach * self.reach;
         block.triangles.iter().any(is_near)
     }
 }

@@ -1,5 +1,6 @@
 //! The surface from pass to pass: cut into blocks, made simpler block by block, joined again.
 
+use glam::DVec3;
 use rayon::prelude::*;
 
 use super::super::mesh::Mesh;
@@ -12,6 +13,8 @@ use crate::progress::Stop;
 /// The surface as it is now.
 pub(super) struct Surface<'m> {
     given: &'m Mesh,
+    /// Where the given vertices have come to.
+    pub positions: Vec<DVec3>,
     /// Triangles, by the given vertices.
     pub now: Vec<[u32; 3]>,
     /// Triangle no farther than the error from each sample of the given surface: its vertices, then its triangles' middles.
@@ -26,14 +29,14 @@ impl<'m> Surface<'m> {
             t.iter().for_each(|&v| near[v as usize] = n);
         }
         near.extend(0..given.triangles.len() as u32);
-        Surface { given, now: given.triangles.clone(), near }
+        Surface { given, positions: given.positions.clone(), now: given.triangles.clone(), near }
     }
 
     /// Simpler block by block, where blocks have at most so many samples; where `stop` is asked for, the other blocks stay as they are.
     pub fn pass(self, error: f64, most: usize, share: f64, stop: &Stop) -> Self {
         let mut weights = vec![1u32; self.now.len()];
         self.near.iter().for_each(|&t| weights[t as usize] += 1);
-        let members = blocks(self.given, &self.now, &weights, most, share);
+        let members = blocks(&self.positions, &self.now, &weights, most, share);
         drop(weights);
         let mut owner = vec![0; self.now.len()];
         let mut place = vec![0; self.now.len()];
@@ -63,13 +66,14 @@ impl<'m> Surface<'m> {
             error,
             triangles: members.iter().map(|&t| self.now[t as usize].map(local)).collect(),
             border: vertices.iter().map(|&v| cut.border[v as usize]).collect(),
+            positions: vertices.iter().map(|&v| self.positions[v as usize]).collect(),
             samples: cut.samples[number].iter().map(sample).collect(),
             vertices,
         }
     }
 
     /// The surface of the blocks' simpler ones, as far as they fit together; the others stay as they were.
-    fn joined(&self, cut: &Cut, mut made: Vec<Option<Simpler>>) -> Self {
+    fn joined(mut self, cut: &Cut, mut made: Vec<Option<Simpler>>) -> Self {
         let (now, whose) = loop {
             let (mut now, mut whose) = (Vec::new(), Vec::new());
             for (b, (made, members)) in made.iter().zip(&cut.members).enumerate() {
@@ -96,7 +100,10 @@ impl<'m> Surface<'m> {
                 near[s as usize] = start + made.as_ref().map_or_else(stayed, |made| made.near[n]);
             }
         }
-        Surface { given: self.given, now, near }
+        for (v, to) in made.into_iter().flatten().flat_map(|made| made.moved) {
+            self.positions[v as usize] = to;
+        }
+        Surface { now, near, ..self }
     }
 }
 

@@ -51,7 +51,7 @@ pub enum Error {
     },
     /// The machine does not have the memory the job needs.
     #[error(
-        "this job needs about {needed_mib} MiB of memory, {available_mib} MiB are available; use a coarser `--dz`, a smaller stack, or parts of it (`interslice plan`)"
+        "this job needs about {needed_mib} MiB of memory, {available_mib} MiB are available; use a coarser `--dz`, fewer outputs (pictures, pages and Zarr take the most), a smaller stack, or parts of it (`interslice plan`)"
     )]
     Memory {
         /// Estimate for the whole job, MiB.

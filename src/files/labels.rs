@@ -22,6 +22,7 @@ use crate::labels::{DecidedLabels, KeptBody, LabelStack, Plan, decide, reconstru
 use crate::report::Report;
 use crate::settings::Settings;
 use crate::stack::heights::missed;
+use crate::storage::room::check_temporary;
 use crate::surface::content::{Paint, Scalar};
 
 /// Options for many labels.
@@ -115,6 +116,7 @@ impl LoadedLabels {
     pub fn compute(&self, means: &Means<'_>, memory: Option<u64>, outputs: &mut LabelOutputs) -> Result<LabelsReport> {
         let start = Instant::now();
         let folder = std::env::temp_dir();
+        check_temporary(&folder)?;
         let has_mesh = outputs.labels.iter().any(Outputs::has_mesh);
         let simplifying =
             if has_mesh { self.options.output.bytes_to_simplify(&self.stack.stack, &self.heights) } else { 0 };

@@ -2,18 +2,37 @@
 
 use std::path::Path;
 
-use sysinfo::{DiskRefreshKind, Disks, Process, ProcessRefreshKind, ProcessesToUpdate, System, get_current_pid};
+use sysinfo::{Process, ProcessRefreshKind, ProcessesToUpdate, System, get_current_pid};
 
 use crate::error::{Error, Result};
 
 const MIB: f64 = (1 << 20) as f64;
 
-/// Bytes that are free on the disk of a folder; nothing on a system that does not tell.
+/// Bytes that are free for files in a folder, be it on a disk or in memory (tmpfs); nothing on a system that does not tell.
+#[cfg(any(target_os = "linux", target_os = "macos"))]
 pub fn free_disk(folder: &Path) -> Option<u64> {
+    let told = rustix::fs::statvfs(folder).ok()?;
+    told.f_bavail.checked_mul(told.f_frsize)
+}
+
+/// Bytes that are free on the disk of a folder; nothing on a system that does not tell.
+#[cfg(not(any(target_os = "linux", target_os = "macos")))]
+pub fn free_disk(folder: &Path) -> Option<u64> {
+    use sysinfo::{DiskRefreshKind, Disks};
     let folder = folder.canonicalize().ok()?;
     let disks = Disks::new_with_refreshed_list_specifics(DiskRefreshKind::nothing().with_storage()).ok()?;
     let holding = disks.iter().filter(|disk| folder.starts_with(disk.mount_point()));
     holding.max_by_key(|disk| disk.mount_point().components().count()).map(|disk| disk.available_space())
+}
+
+/// Refuses a folder of temporary files in which none can be made.
+///
+/// # Errors
+/// [`Error::Output`] with the folder.
+pub fn check_temporary(folder: &Path) -> Result<()> {
+    let refusal = |e| format!("no temporary file ({e}); set TMPDIR to a folder for them");
+    let made = tempfile::tempfile_in(folder).map_err(refusal);
+    made.map(|_| ()).map_err(|message| Error::Output { path: folder.into(), message })
 }
 
 /// Bytes of memory that this process may take: what is free, and no more than its control groups (containers, Slurm) and its address space
@@ -84,5 +103,19 @@ pub fn check(needed: u64, limit: Option<u64>) -> Result<()> {
             Err(Error::Memory { needed_mib: needed.div_ceil(1 << 20), available_mib: available >> 20 })
         }
         _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn the_room_of_a_folder_is_its_own_and_not_that_of_the_disk_around_it() {
+        // A file system without room of its own.
+        assert_eq!(free_disk(Path::new("/proc")), Some(0));
+        assert!(free_disk(&std::env::temp_dir()).is_some_and(|bytes| bytes > 0));
+        assert_eq!(free_disk(Path::new("/gone")), None);
     }
 }

@@ -237,6 +237,50 @@ fn a_run_stays_within_what_it_is_allowed_and_writes_the_same() {
     assert!(whole == same, "the bound changes what is written");
 }
 
+/// Of a hollow tube that leans slices are kept with their holes filled, and fields of both.
+#[test]
+fn a_hollow_body_stays_within_what_it_is_allowed_too() {
+    let place = folder();
+    let inside = |k: f64, x: f64, y: f64| {
+        let (x, y) = (x - 80.0 - 40.0 * k, y - 240.0);
+        (40.0..60.0).contains(&x.hypot(y))
+    };
+    write_slices(place.path(), 480, 9, inside);
+    let least = |bytes: &str| {
+        let run = Command::new(env!("CARGO_BIN_EXE_interslice"))
+            .arg("reconstruct")
+            .arg(place.path().join("in.nrrd"))
+            .args(["--backend", "cpu", "--threads", "2", "--dz", "2", "--dry-run", "--memory", bytes, "-o"])
+            .args([place.path().join("out.nrrd"), "-o".into(), place.path().join("out.stl")])
+            .output()
+            .expect("it starts");
+        run.status.success()
+    };
+    let bound = (40..400).find(|mib| least(&format!("{mib}M"))).expect("400 MiB are enough");
+    let (peak, _) = program(place.path(), &["--backend", "cpu", "--memory", &format!("{bound}M")]);
+    println!("{} MiB of {bound} allowed", peak >> 20);
+    assert!(peak <= bound << 20, "{peak} bytes were needed, {bound} MiB allowed");
+}
+
+#[test]
+fn where_no_temporary_file_can_be_made_a_bounded_run_is_refused() {
+    let place = folder();
+    many_slices(place.path());
+    let (gone, out) = (place.path().join("gone"), place.path().join("out.nrrd"));
+    let run = Command::new(env!("CARGO_BIN_EXE_interslice"))
+        .arg("reconstruct")
+        .arg(place.path().join("in.nrrd"))
+        .args(["--backend", "cpu", "--memory", "80M", "-q", "-o"])
+        .arg(&out)
+        .env("TMPDIR", &gone)
+        .output()
+        .expect("it starts");
+    let told = String::from_utf8_lossy(&run.stderr).into_owned();
+    assert_eq!(run.status.code(), Some(2), "{told}");
+    assert!(told.contains(&format!("{}: cannot write: no temporary file (", gone.display())), "{told}");
+    assert!(told.contains("set TMPDIR") && !out.exists(), "{told}");
+}
+
 /// A bound from outside, of the address space, is kept, or the run is refused before it starts; the outputs are those without a bound.
 #[cfg(target_os = "linux")]
 #[test]

@@ -20,6 +20,11 @@ pub fn parts(content: &SliceContent, [nx, _]: [usize; 2]) -> usize {
     count_of_runs(mask.rows(nx), nx, false) + count_of_runs(mask.rows_outside(nx), nx, true)
 }
 
+/// Whether what is around the parts of a slice is in several pieces: holes, or what a part cuts off at the border.
+pub fn has_holes(content: &SliceContent, [nx, _]: [usize; 2]) -> bool {
+    count_of_runs(content.mask().rows_outside(nx), nx, true) > 1
+}
+
 /// Coverage of slices.
 #[derive(Debug, Clone)]
 pub struct Drawn {

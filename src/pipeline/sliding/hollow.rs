@@ -3,7 +3,7 @@
 //! Of a hollow tube that lies nearly in the slices a section is a ring whose wall at either end lies amid the hole of the next section. No part of it is a tail
 //! beyond what both have in common; but filled it is a section that slides, and so is its hole. Where both do the layer is the one less the other.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use glam::DVec2;
@@ -56,7 +56,10 @@ impl Sections {
 pub(super) struct Tubes {
     filled: Candidates,
     holes: Candidates,
-    slices: [Sections; 2],
+    /// For each hole of the lower slice and of the upper one the outermost part around it.
+    around: [Vec<u32>; 2],
+    /// What pairs of holes with a tail have in common: tiles, as whole slices of several intervals would take more memory than all else.
+    held: BTreeMap<[u32; 2], Held>,
 }
 
 impl Tubes {
@@ -82,8 +85,13 @@ impl Tubes {
             Candidates::new(slices.each_ref().map(part), at_slices, gap, apart, h)
         };
         let (filled, holes) = (of(|hollow| &hollow.filled, apart), of(|hollow| &hollow.holes, &[]));
-        let any = |candidates: &Candidates| !candidates.is_empty();
-        (any(&filled) && any(&holes)).then_some(Tubes { filled, holes, slices })
+        if filled.is_empty() || holes.is_empty() {
+            return None;
+        }
+        let held = |pair: [u32; 2]| (pair, Held([0, 1].map(|side| slices[side].hole(pair[side], h))));
+        let pairs: BTreeSet<[u32; 2]> = holes.tails.iter().flatten().map(|found| found.pair).collect();
+        let around = slices.each_ref().map(|sections| sections.slice.around.clone());
+        Some(Tubes { filled, holes, around, held: pairs.into_iter().map(held).collect() })
     }
 
     /// What slides, as the tubes `beyond` either slice say, the nearest first.
@@ -94,7 +102,7 @@ impl Tubes {
         };
         let (filled, holes) =
             ([0, 1].map(|side| of(|tubes| &tubes.filled, side)), [0, 1].map(|side| of(|tubes| &tubes.holes, side)));
-        let around = |hole: &Found| [0, 1].map(|side| self.slices[side].slice.around[hole.pair[side] as usize]);
+        let around = |hole: &Found| [0, 1].map(|side| self.around[side][hole.pair[side] as usize]);
         let hollow: BTreeSet<[u32; 2]> = holes.iter().flatten().map(|hole| around(hole)).collect();
         let pairs: BTreeSet<[u32; 2]> =
             filled.iter().flatten().map(|found| found.pair).filter(|pair| hollow.contains(pair)).collect();
@@ -105,12 +113,10 @@ impl Tubes {
                 some.into_iter().filter(|one| those.contains(&one.pair)).map(|one| one.tail.clone()).collect::<Vec<_>>()
             })
         };
-        let h = self.filled.h;
-        let held = |pair: &[u32; 2]| Held([0, 1].map(|side| self.slices[side].hole(pair[side], h)));
         SlidingTubes {
             filled: tails(filled, &pairs),
             holes: tails(holes, &common),
-            held: common.iter().map(held).collect(),
+            held: common.iter().filter_map(|pair| self.held.get(pair).cloned()).collect(),
             pairs,
         }
     }

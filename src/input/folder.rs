@@ -9,10 +9,11 @@ use serde::Deserialize;
 use crate::error::{Error, Result};
 use crate::estimate::memory;
 use crate::input::Input;
-use crate::input::contents::{Contents, images_of, other_images_of, repeats, skips};
+use crate::input::contents::{Contents, images_of, other_images_of};
 use crate::input::grey_image::Grey;
 use crate::input::grey_rule::{Range, Rule};
 use crate::input::numbers::Numbers;
+use crate::input::slice_names::{repeats, series, skips};
 use crate::input::volume::grid::sides;
 use crate::polygons::{self, PlaneDrawing, Planes, Polygon};
 use crate::stack::axis::check_axes;
@@ -176,7 +177,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Input> {
         }
     }
     let names: Vec<&str> = parsed.slices.iter().filter_map(|s| s.file.as_deref()).collect();
-    let skips = if alone { repeats(&names).or_else(|| skips(&names)) } else { None };
+    let skips = if alone { series(&names).or_else(|| repeats(&names)).or_else(|| skips(&names)) } else { None };
     let drawn = parsed.slices.iter().filter(|s| s.polygons.is_some()).count();
     if drawn == 0 {
         let (stack, level) = images(parsed, &file, &folder, options).map_err(|e| if alone { taken(e) } else { e })?;

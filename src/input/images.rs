@@ -3,10 +3,11 @@
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
-use super::contents::{images_of, skips};
+use super::contents::images_of;
 use super::folder::beside;
 use super::grey_image::Grey;
 use super::palette::Indexed;
+use super::slice_names::{repeats, series, skips};
 use super::sniff;
 use super::volume::data::Data;
 use super::volume::element::Element;
@@ -25,8 +26,9 @@ pub(super) fn read(folder: &Path) -> Result<Volume> {
     let Some(first) = names.first() else {
         return Err(Error::Format { path: folder.into(), message: "has no images".into() });
     };
-    let skips = skips(&names.iter().map(String::as_str).collect::<Vec<_>>());
-    let notes = beside(folder)?.into_iter().chain(skips).collect();
+    let of_slices: Vec<&str> = names.iter().map(String::as_str).collect();
+    let told = series(&of_slices).or_else(|| repeats(&of_slices)).or_else(|| skips(&of_slices));
+    let notes = beside(folder)?.into_iter().chain(told).collect();
     let image = Image::read(&folder.join(first));
     let image = image.map_err(|message| Error::Slice { index: 0, name: first.clone(), message })?;
     let grid = VolumeGrid { unit: "mm".into(), ..VolumeGrid::unspaced([image.dims[0], image.dims[1], names.len()]) };

@@ -20,6 +20,7 @@ mod ome;
 mod ome_zarr;
 mod palette;
 mod segments;
+mod slice_names;
 mod sniff;
 pub mod tiff;
 pub mod volume;

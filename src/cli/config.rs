@@ -61,10 +61,20 @@ impl<'a> File<'a> {
     /// Refuses keys that nothing has claimed.
     pub fn finish(self) -> Result<()> {
         match self.left.unknown().next() {
-            Some(key) => Err(Error::Format { path: self.path.into(), message: format!("unknown key `{key}`") }),
+            Some(key) => {
+                let own = key.replace('-', "_");
+                let hint = if own != key && is_option(&own) { format!("; write `{own}`") } else { String::new() };
+                Err(Error::Format { path: self.path.into(), message: format!("unknown key `{key}`{hint}") })
+            }
             None => Ok(()),
         }
     }
+}
+
+/// Whether any command has an option of this name.
+fn is_option(name: &str) -> bool {
+    let command = super::command();
+    command.get_subcommands().any(|command| command.get_arguments().any(|option| option.get_id() == name))
 }
 
 /// Pairs of options of any command that exclude each other, either way round.

@@ -225,6 +225,7 @@ fn settings_files_are_checked() {
         refused(input.path(), &["--settings", &name], says);
     };
     with("colour = 1", &["settings.toml", "unknown key `colour`"]);
+    with("end-top = \"flat\"", &["unknown key `end-top`; write `end_top`"]);
     with("cfl = \"fast\"", &["settings.toml", "`cfl`", "fast"]);
     with("cfl = 2", &["`cfl` must lie in [0.05, 0.9]; got 2"]);
     with("cfl = ", &["settings.toml", "line 1"]);

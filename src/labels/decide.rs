@@ -20,8 +20,6 @@ const CORE: f32 = 0.25;
 pub(super) struct LabelReach {
     /// Value far outside.
     pub far: f32,
-    /// The union counts where the nearest label that touches is nearer than this.
-    pub fill: f32,
     /// [`NEAR`] in the stack's unit.
     pub near: f32,
     /// [`CRACK`] in the stack's unit.
@@ -37,10 +35,6 @@ pub(super) struct Layers<'l> {
     pub dims: [usize; 2],
     /// Fields of the labels alone.
     pub alone: &'l [LayerPatch],
-    /// Those as far as they reach, of one that draws back its last contour: near them others count as neighbours.
-    pub been: Vec<&'l LayerPatch>,
-    /// Whether one does.
-    pub draws_back: bool,
     /// The unions that each label is in, of labels that touch each other.
     pub unions: Vec<Vec<&'l LayerPatch>>,
     /// Labels that touch in the drawn slices below and above.
@@ -136,7 +130,7 @@ impl Layers<'_> {
 
     /// psi of label `a`, beside those that are `near`, at a pixel where it is `phi` alone and the nearest other label `other`.
     fn value(&self, (a, near): (usize, &[usize]), pixel: [usize; 2], phi: f32, other: f32) -> f32 {
-        let joined = if other < self.reach.far || self.draws_back { self.joined(a, pixel, phi) } else { phi };
+        let joined = self.joined(a, pixel, phi);
         if joined >= self.reach.near {
             return phi;
         }
@@ -189,20 +183,20 @@ impl Layers<'_> {
         self.depths[a] < self.reach.near
     }
 
-    /// The field of label `a`, `phi` alone, with what of its unions lies near a label that touches it, or within a crack beside one that it parts from.
+    /// The field of label `a`, `phi` alone, with its unions where it touches a label on both slices around, however far apart the two are between them (a border
+    /// that moves by more than they reach left the rim of the union to nobody), or within a crack beside one that it parts from.
     fn joined(&self, a: usize, pixel: [usize; 2], phi: f32) -> f32 {
-        let LabelReach { far, fill, crack, .. } = self.reach;
+        let LabelReach { far, crack, .. } = self.reach;
         if self.unions[a].is_empty() {
             return phi;
         }
-        let nearest = partners(self.touching, a).filter_map(|b| self.been[b].at(pixel)).fold(far, f32::min);
+        let touches = partners(self.touching, a).next().is_some();
         let beside = partners(self.parting, a).filter_map(|b| self.alone[b].at(pixel)).fold(far, f32::min);
-        if nearest >= far && beside >= far {
+        if !touches && beside >= far {
             return phi;
         }
         let union = self.unions[a].iter().filter_map(|union| union.at(pixel)).fold(far, f32::min);
-        let within = if nearest < far { nearest - fill } else { far };
-        phi.min(union.max(within.min(phi + beside - crack)))
+        if touches { phi.min(union) } else { phi.min(union.max(phi + beside - crack)) }
     }
 
     /// Whether `a` comes before `b` at a pixel that both may have.

@@ -86,13 +86,22 @@ impl DecidedLabels {
 pub fn reconstruct(stack: &LabelStack, unite: bool, plan: &Plan<'_>, means: &Means<'_>) -> Result<Bodies> {
     stack.validate()?;
     let far = plan.settings.margin() as f32 * pixel(&stack.stack);
-    let keep = |members: &[usize]| {
+    let piece = |members: &[usize]| {
         let united = stack.united(members);
-        let part = if unite { LabelPiece::of(&united) } else { LabelPiece { stack: united, origin: [0; 2] } };
+        if unite { LabelPiece::of(&united) } else { LabelPiece { stack: united, origin: [0; 2] } }
+    };
+    let budget = |part: &LabelPiece| {
+        let needs = MemoryNeeds::of(&part.stack, plan.heights, plan.settings, rayon::current_num_threads());
+        needs.budget(plan.beside, plan.memory)
+    };
+    let groups = if unite { stack.groups(&stack.contacts()) } else { Vec::new() };
+    // What does not fit is found before the work.
+    let mut all = (0..stack.labels.len()).map(|a| vec![a]).chain(groups.iter().cloned());
+    all.try_for_each(|members| budget(&piece(&members)).map(|_| ()))?;
+    let keep = |members: &[usize]| {
+        let part = piece(members);
         let mut kept = KeptBody::new(plan.folder, far, stack.stack.dims, part.origin)?;
-        let threads = rayon::current_num_threads();
-        let needs = MemoryNeeds::of(&part.stack, plan.heights, plan.settings, threads);
-        let budget = needs.budget(plan.beside, plan.memory)?;
+        let budget = budget(&part)?;
         let means = Means { budget: &budget, ..*means };
         let named = |e: Error| match (e, members) {
             (Error::Stack(m), [a]) => Error::Stack(format!("label {}: {m}", stack.labels[*a])),
@@ -104,7 +113,6 @@ pub fn reconstruct(stack: &LabelStack, unite: bool, plan: &Plan<'_>, means: &Mea
         Ok(kept)
     };
     let alone = (0..stack.labels.len()).map(|a| keep(&[a])).collect::<Result<_>>()?;
-    let groups = if unite { stack.groups(&stack.contacts()) } else { Vec::new() };
     let unions = groups.into_iter().map(|g| keep(&g).map(|kept| (g, kept))).collect::<Result<_>>()?;
     Ok(Bodies { alone, unions })
 }
@@ -123,7 +131,7 @@ pub fn decide(
     let ContourStack { dims, spacing, ref unit, geometry, ref slices, .. } = stack.stack;
     let (count, px) = (stack.labels.len(), pixel(&stack.stack));
     let far = plan.settings.margin() as f32 * px;
-    let reach = LabelReach { far, fill: far - px, near: NEAR * px, crack: CRACK * px };
+    let reach = LabelReach { far, near: NEAR * px, crack: CRACK * px };
     let gaps = slices.windows(2).map(|w| w[1].z - w[0].z);
     let same = SAME * gaps.fold(f64::INFINITY, f64::min);
     let groups: Vec<Vec<usize>> = bodies.unions.iter().map(|(members, _)| members.clone()).collect();
@@ -192,15 +200,9 @@ pub fn decide(
             own.filter_map(|(.., patch)| patch.as_ref()).collect()
         };
         let unions_of = (0..count).map(of).collect();
-        // However far a label has drawn back, up to its last contour it has been there.
-        let mut been: Vec<&LayerPatch> = alone.iter().collect();
-        goes_on.iter().for_each(|on| been[on.label] = &on.contour);
-        let draws_back = !goes_on.is_empty();
         let layers = Layers {
             dims,
             alone: &alone,
-            been,
-            draws_back,
             unions: unions_of,
             touching: &touching,
             parting: &step.parting,

@@ -1,11 +1,11 @@
 //! Many labels in one run: each is reconstructed alone, then voxels are decided so that labels neither overlap nor leave gaps where they touch.
 //!
-//! With `phi_a` the signed distance of label a reconstructed alone, `m_a` the least distance of all other labels, `t_a` that of those that touch
-//! a in the drawn slices below and above, and `u` the distance of the union of all labels that touch each other somewhere, reconstructed as
-//! one more body (the least of several where some are not known on every slice, `stack.rs`), label a becomes
+//! With `phi_a` the signed distance of label a reconstructed alone, `m_a` the least distance of all other labels, and `u` the distance of the union of
+//! all labels that touch each other somewhere, reconstructed as one more body (the least of several where some are not known on every slice, `stack.rs`),
+//! label a becomes, where it touches another one in the drawn slices below and above,
 //!
 //! ```text
-//! psi_a = max(min(phi_a, max(u, t_a - R)), (phi_a - m_a) / 2)
+//! psi_a = max(min(phi_a, u), (phi_a - m_a) / 2)
 //! ```
 //!
 //! - Where labels overlap the deepest wins, but one that is less than 3 px deep on the slices around keeps what lies deeper in it than a quarter of
@@ -16,7 +16,8 @@
 //!   painted stays, and gives way to what is interpolated the more the farther off it was painted. No step at any height.
 //! - Between labels that touch on one of the slices below and above the union counts where their distances add up to less than 2 px, softly:
 //!   `max(u, phi_a + phi_b - 2 px)`.
-//! - Inside the union, less than R (the margin less a pixel) from both, what no label has goes to the nearest that may have it.
+//! - Inside the union, within the margin of a label, what no label has goes to the nearest that may have it, however far the others are: where a border
+//!   moves by more than the margin from slice to slice both labels draw back from the rim between.
 //! - Elsewhere `psi_a` is `phi_a`, bit by bit; the second half of the maximum counts within 3 px of a only.
 //! - Equal distances: the smaller sum over the 3 x 3 pixels around wins, then the label with more drawn pixels, then that whose first drawn
 //!   pixel comes first. Numbers and order of the labels decide nothing.

@@ -280,6 +280,38 @@ fn wedges(border: impl Fn(usize) -> usize) -> Vec<u8> {
     (0..nx * ny * nz).map(at).collect()
 }
 
+/// A disc of two labels whose border turns and moves from slice to slice, by up to 56 px: the disc is the union of both in every layer.
+#[test]
+fn a_border_that_moves_far_leaves_no_gap() {
+    const MIDDLE: [f64; 2] = [100.0, 31.5];
+    let disc = |i: f64, j: f64| (i - MIDDLE[0]).hypot(j - MIDDLE[1]) < 27.0;
+    let mut random = 3u64;
+    let mut number = |low: f64, high: f64| {
+        random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        low + (high - low) * (random >> 11) as f64 / (1u64 << 53) as f64
+    };
+    for case in 0..8 {
+        let borders: Vec<[f64; 2]> = (0..5).map(|_| [number(-0.6, 0.6), number(-20.0, 20.0)]).collect();
+        let [nx, ny, nz] = SIZES;
+        let at = |n: usize| {
+            let (i, j, k) = ((n % nx) as f64, (n / nx % ny) as f64, n / (nx * ny));
+            let [turned, off] = borders[k / DRAWN];
+            let along = (i - MIDDLE[0]) * turned.cos() + (j - MIDDLE[1]) * turned.sin();
+            if k % DRAWN > 0 || !disc(i, j) { 0 } else { 1 + u8::from(along > off) }
+        };
+        let layers = run(&(0..nx * ny * nz).map(at).collect::<Vec<u8>>()).layers;
+        let empty = |layer: &Layer| {
+            let inside = (0..nx * ny).filter(|n| disc((n % nx) as f64, (n / nx) as f64));
+            let phi = layer.phi.unpack();
+            inside.filter(|n| phi[*n] == 0.0).count()
+        };
+        let empty: Vec<usize> = layers.iter().map(empty).collect();
+        // Where the distances of two slices are interpolated a pixel of the rim goes here and there.
+        println!("case {case}, {borders:.1?}: {empty:?} empty");
+        assert!(empty.iter().all(|n| *n <= 4), "case {case}, {borders:?}: {empty:?}");
+    }
+}
+
 #[test]
 fn labels_that_follow_each_other_part_what_lies_between_in_the_middle() {
     // They touch on the first slice and the last; from slice 4 to 8 the one ends and the other goes on in its place.
@@ -361,4 +393,44 @@ fn what_others_leave_in_the_air_goes_to_what_is_around() {
         }
     }
     assert!(turned > 0, "there was something to mend");
+}
+
+/// Counts the stages that have begun.
+#[derive(Default)]
+struct Begun(std::sync::atomic::AtomicUsize);
+
+impl progress::Progress for Begun {
+    fn begin(&self, _stage: &'static str, _total: usize) {
+        self.0.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+    }
+    fn advance(&self, _units: usize) {}
+    fn end(&self) {}
+}
+
+/// The union of the sectors needs more memory than any label, and is computed last.
+#[test]
+fn what_does_not_fit_into_memory_is_found_before_the_work() {
+    let place = folder();
+    let path = place.path().join("labels.nrrd");
+    write(&path, &volume([1, 2, 3, 4]));
+    let stack = read_labels(&path, &ReadOptions::default(), &Wanted::All).expect("it is sound");
+    let heights = stack.stack.z_out.expect("a volume has a grid").heights().expect("the grid is small");
+    let (settings, temporary) = (Settings::default(), std::env::temp_dir());
+    let begun = |memory: u64| {
+        let plan = Plan { heights: &heights, settings: &settings, folder: &temporary, beside: 0, memory: Some(memory) };
+        let (listener, budget) = (Begun::default(), Budget::unlimited());
+        let means = Means { backend: &Reference, progress: &listener, budget: &budget };
+        let made = reconstruct(&stack, true, &plan, &means);
+        let is_refused = matches!(made, Err(interslice::Error::Memory { .. }));
+        assert_eq!(made.is_ok(), !is_refused);
+        (is_refused, listener.0.into_inner())
+    };
+    // From far too little to what is enough, in steps finer than the labels differ.
+    let enough = (0..400).map(|k| (8 << 20) + (k << 18)).find(|memory| {
+        let (is_refused, stages) = begun(*memory);
+        assert!(!is_refused || stages == 0, "{stages} stages had begun at {memory} bytes");
+        !is_refused
+    });
+    println!("enough: {enough:?} bytes");
+    assert!(enough.is_some_and(|memory| memory > 8 << 20));
 }

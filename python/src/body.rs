@@ -359,7 +359,10 @@ impl PyBody {
             let Some(error) = simplify else { return Ok(mesh) };
             let failed = |source| Error::Write { path: "mesh".into(), source };
             match Simplifier::new(error, watch.stop()).simpler(&mut &mesh).map_err(failed)? {
-                Ok(simpler) => Ok((*simpler).clone()),
+                Ok(simpler) => {
+                    simpler.warning().iter().for_each(|told| watch.warn(told));
+                    Ok((*simpler.mesh).clone())
+                }
                 Err(why) => {
                     watch.warn(&why);
                     Ok(mesh)

@@ -93,18 +93,23 @@ impl Coil {
 #[test]
 fn a_coil_whose_turns_lie_in_the_slices_keeps_its_sections() {
     let field = Settings { method: Method::Field, ..Settings::default() };
+    keep_their_sections(&[
+        ("every 5th slice", COIL, Settings::default(), 0.93),
+        ("the field method", COIL, field, 0.93),
+        ("every 4th", Coil { gap: 4.0, ..COIL }, Settings::default(), 0.95),
+        ("long pixels", Coil { wide: 1.5, radius: 24.0, ..COIL }, Settings::default(), 0.91),
+        ("a coil that begins in the stack", Coil { begins: 4.0, ..COIL }, Settings::default(), 0.94),
+        ("other heights", Coil { times: 0.1, ..COIL }, Settings::default(), 0.93),
+    ]);
+}
+
+/// Asserts the least Dice of coils by their settings, on all backends.
+fn keep_their_sections(cases: &[(&str, Coil, Settings, f64)]) {
     on_backends(|backend| {
-        for (name, coil, settings, least) in [
-            ("every 5th slice", COIL, Settings::default(), 0.93),
-            ("the field method", COIL, field.clone(), 0.93),
-            ("every 4th", Coil { gap: 4.0, ..COIL }, Settings::default(), 0.95),
-            ("long pixels", Coil { wide: 1.5, radius: 24.0, ..COIL }, Settings::default(), 0.91),
-            ("a coil that begins in the stack", Coil { begins: 4.0, ..COIL }, Settings::default(), 0.94),
-            ("other heights", Coil { times: 0.1, ..COIL }, Settings::default(), 0.93),
-        ] {
-            let dice = coil.dice(&coil.made(&settings, backend));
+        for (name, coil, settings, least) in cases {
+            let dice = coil.dice(&coil.made(settings, backend));
             println!("{name}, {}: Dice {dice:.4}", backend.name());
-            assert!(dice > least, "{name}, {}: {dice}", backend.name());
+            assert!(dice > *least, "{name}, {}: {dice}", backend.name());
         }
     });
 }
@@ -113,19 +118,14 @@ fn a_coil_whose_turns_lie_in_the_slices_keeps_its_sections() {
 #[test]
 fn a_hollow_coil_keeps_its_wall_and_its_hole() {
     let field = Settings { method: Method::Field, ..Settings::default() };
-    on_backends(|backend| {
-        for (name, coil, settings, least) in [
-            ("pitch 20", HOLLOW, Settings::default(), 0.84),
-            ("the field method", HOLLOW, field.clone(), 0.84),
-            ("pitch 18", Coil { pitch: 18.0, ..HOLLOW }, Settings::default(), 0.75),
-            ("every 4th", Coil { radius: 19.0, wall: 2.2, pitch: 18.0, gap: 4.0, ..HOLLOW }, Settings::default(), 0.79),
-            ("pitch 24", Coil { tube: 8.0, pitch: 24.0, gap: 4.0, ..HOLLOW }, Settings::default(), 0.9),
-        ] {
-            let dice = coil.dice(&coil.made(&settings, backend));
-            println!("{name}, {}: Dice {dice:.4}", backend.name());
-            assert!(dice > least, "{name}, {}: {dice}", backend.name());
-        }
-    });
+    let every_4th = Coil { radius: 19.0, wall: 2.2, pitch: 18.0, gap: 4.0, ..HOLLOW };
+    keep_their_sections(&[
+        ("pitch 20", HOLLOW, Settings::default(), 0.84),
+        ("the field method", HOLLOW, field, 0.84),
+        ("pitch 18", Coil { pitch: 18.0, ..HOLLOW }, Settings::default(), 0.75),
+        ("every 4th", every_4th, Settings::default(), 0.79),
+        ("pitch 24", Coil { tube: 8.0, pitch: 24.0, gap: 4.0, ..HOLLOW }, Settings::default(), 0.9),
+    ]);
 }
 
 /// Largest difference between layers of the same height, of which there are more than `least`, beside contours, px.

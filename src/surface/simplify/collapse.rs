@@ -101,9 +101,9 @@ impl Block<'_> {
         }
         corners.truncate(left);
         let triangles: Vec<[u32; 3]> = corners.as_chunks().0.to_vec();
-        let moved = |((old, before), after): ((&DVec3, &[f32; 3]), &[f32; 3])| match before == after {
-            true => *old,
-            false => first + DVec3::from(after.map(f64::from)),
+        let moved = |((old, before), after): ((&DVec3, &[f32; 3]), &[f32; 3])| {
+            let is_moved = before != after && after.iter().all(|v| v.is_finite());
+            if is_moved { first + DVec3::from(after.map(f64::from)) } else { *old }
         };
         let mut positions: Vec<DVec3> = self.positions.iter().zip(&before).zip(&after).map(moved).collect();
         self.keep_sides(&triangles, &mut positions);

@@ -20,6 +20,8 @@ const CORE: f32 = 0.25;
 pub(super) struct LabelReach {
     /// Value far outside.
     pub far: f32,
+    /// The union counts where the nearest label that touches is nearer than this, or everywhere where all are known on the same slices.
+    pub fill: f32,
     /// [`NEAR`] in the stack's unit.
     pub near: f32,
     /// [`CRACK`] in the stack's unit.
@@ -35,6 +37,8 @@ pub(super) struct Layers<'l> {
     pub dims: [usize; 2],
     /// Fields of the labels alone.
     pub alone: &'l [LayerPatch],
+    /// Those as far as they reach, of one that draws back its last contour: near them others count as neighbours.
+    pub been: Vec<&'l LayerPatch>,
     /// The unions that each label is in, of labels that touch each other.
     pub unions: Vec<Vec<&'l LayerPatch>>,
     /// Labels that touch in the drawn slices below and above.
@@ -45,6 +49,8 @@ pub(super) struct Layers<'l> {
     pub reach: LabelReach,
     /// Distances of the nearest slices on which the labels are known.
     pub off: &'l [f32],
+    /// Whether all labels are known on the same slices around.
+    pub alike: bool,
     /// How deep the labels are on the slices around.
     pub depths: &'l [f32],
 }
@@ -183,20 +189,27 @@ impl Layers<'_> {
         self.depths[a] < self.reach.near
     }
 
-    /// The field of label `a`, `phi` alone, with its unions where it touches a label on both slices around, however far apart the two are between them (a border
-    /// that moves by more than they reach left the rim of the union to nobody), or within a crack beside one that it parts from.
+    /// The field of label `a`, `phi` alone, with its unions where it touches a label, or within a crack beside one that it parts from. However far the other one
+    /// is: a border that moves by more than the margin left the rim to nobody. Where labels have slices of their own a union is known on fewer than they
+    /// are, and counts near the other alone.
     fn joined(&self, a: usize, pixel: [usize; 2], phi: f32) -> f32 {
-        let LabelReach { far, crack, .. } = self.reach;
+        let LabelReach { far, fill, crack, .. } = self.reach;
         if self.unions[a].is_empty() {
             return phi;
         }
-        let touches = partners(self.touching, a).next().is_some();
+        let nearest = partners(self.touching, a).filter_map(|b| self.been[b].at(pixel)).fold(far, f32::min);
         let beside = partners(self.parting, a).filter_map(|b| self.alone[b].at(pixel)).fold(far, f32::min);
-        if !touches && beside >= far {
+        let everywhere = self.alike && partners(self.touching, a).next().is_some();
+        if !everywhere && nearest >= far && beside >= far {
             return phi;
         }
         let union = self.unions[a].iter().filter_map(|union| union.at(pixel)).fold(far, f32::min);
-        if touches { phi.min(union) } else { phi.min(union.max(phi + beside - crack)) }
+        let within = match nearest < far {
+            _ if everywhere => f32::NEG_INFINITY,
+            true => nearest - fill,
+            false => far,
+        };
+        phi.min(union.max(within.min(phi + beside - crack)))
     }
 
     /// Whether `a` comes before `b` at a pixel that both may have.

@@ -153,10 +153,10 @@ impl EndingLabels {
             let on = Continued { alone: own, contour, union, others, t, depth, far: at.far, px: at.px };
             patches.push(Some(on.patch()));
         }
-        let of = |((label, _), patch): (&(usize, LayerPatch), Option<LayerPatch>)| {
-            Some(GoesOn { label: *label, patch: patch? })
+        let of = |((label, contour), patch): ((usize, LayerPatch), Option<LayerPatch>)| {
+            Some(GoesOn { label, patch: patch?, contour })
         };
-        Ok(contours.iter().zip(patches).filter_map(of).collect())
+        Ok(contours.into_iter().zip(patches).filter_map(of).collect())
     }
 }
 
@@ -166,6 +166,8 @@ pub(super) struct GoesOn {
     pub label: usize,
     /// It with what goes on.
     pub patch: LayerPatch,
+    /// Its last contour.
+    pub contour: LayerPatch,
 }
 
 /// A height between two neighbouring slices.

@@ -7,6 +7,7 @@ use std::path::Path;
 use super::decide::{CRACK, LabelReach, Layers, NEAR, Rank};
 use super::ended::{EndingLabels, GoesOn, HeightBetween, depth};
 use super::floating::{DecidedStep, FloatingPieces};
+use super::given::Given;
 use super::kept::{KeptBody, LayerPatch};
 use super::report::Borders;
 use super::stack::{LabelPair, LabelStack};
@@ -131,7 +132,7 @@ pub fn decide(
     let ContourStack { dims, spacing, ref unit, geometry, ref slices, .. } = stack.stack;
     let (count, px) = (stack.labels.len(), pixel(&stack.stack));
     let far = plan.settings.margin() as f32 * px;
-    let reach = LabelReach { far, near: NEAR * px, crack: CRACK * px };
+    let reach = LabelReach { far, fill: far - px, near: NEAR * px, crack: CRACK * px };
     let gaps = slices.windows(2).map(|w| w[1].z - w[0].z);
     let same = SAME * gaps.fold(f64::INFINITY, f64::min);
     let groups: Vec<Vec<usize>> = bodies.unions.iter().map(|(members, _)| members.clone()).collect();
@@ -200,15 +201,20 @@ pub fn decide(
             own.filter_map(|(.., patch)| patch.as_ref()).collect()
         };
         let unions_of = (0..count).map(of).collect();
+        // However far a label has drawn back, up to its last contour it has been there.
+        let mut been: Vec<&LayerPatch> = alone.iter().collect();
+        goes_on.iter().for_each(|on| been[on.label] = &on.contour);
         let layers = Layers {
             dims,
             alone: &alone,
+            been,
             unions: unions_of,
             touching: &touching,
             parting: &step.parting,
             ranks: &ranks,
             reach,
             off: &off,
+            alike: are_known_alike(stack, z, same),
             depths: &depths,
         };
         let parted = layers.part();
@@ -308,6 +314,17 @@ impl DrawnDepths {
         let near = self.0.iter().take(above + 1).skip(above.saturating_sub(1));
         near.map(|(_, depth)| *depth).reduce(f32::max).unwrap_or(f32::INFINITY)
     }
+}
+
+/// Whether all labels that are known on slices below and above a height are so on the same: a union is known on those of all of its labels.
+fn are_known_alike(stack: &LabelStack, z: f64, same: f64) -> bool {
+    let around = |given: &Given| {
+        let above = given.slices.partition_point(|k| stack.stack.slices[*k].z < z - same);
+        Some([*given.slices.get(above.checked_sub(1)?)?, *given.slices.get(above)?])
+    };
+    let mut around = stack.given.iter().filter_map(around);
+    let first = around.next();
+    around.all(|other| Some(other) == first)
 }
 
 /// Length of a pixel's larger side.

@@ -2,7 +2,7 @@
 //!
 //! With `phi_a` the signed distance of label a reconstructed alone, `m_a` the least distance of all other labels, and `u` the distance of the union of
 //! all labels that touch each other somewhere, reconstructed as one more body (the least of several where some are not known on every slice, `stack.rs`),
-//! label a becomes, where it touches another one in the drawn slices below and above,
+//! label a becomes, where it touches another one in the drawn slices below and above and all are known on the same slices around,
 //!
 //! ```text
 //! psi_a = max(min(phi_a, u), (phi_a - m_a) / 2)
@@ -17,7 +17,9 @@
 //! - Between labels that touch on one of the slices below and above the union counts where their distances add up to less than 2 px, softly:
 //!   `max(u, phi_a + phi_b - 2 px)`.
 //! - Inside the union, within the margin of a label, what no label has goes to the nearest that may have it, however far the others are: where a border
-//!   moves by more than the margin from slice to slice both labels draw back from the rim between.
+//!   moves by more than the margin from slice to slice both labels draw back from the rim between. Of labels that have slices of their own the union is
+//!   known on fewer slices than they are, and counts less than R (the margin less a pixel) from one that touches: `max(u, t_a - R)` instead of u, with the
+//!   least distance `t_a` of those that touch a.
 //! - Elsewhere `psi_a` is `phi_a`, bit by bit; the second half of the maximum counts within 3 px of a only.
 //! - Equal distances: the smaller sum over the 3 x 3 pixels around wins, then the label with more drawn pixels, then that whose first drawn
 //!   pixel comes first. Numbers and order of the labels decide nothing.

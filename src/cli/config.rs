@@ -1,5 +1,6 @@
 //! Settings from a TOML file, overruled by what the command line says.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use clap::parser::ValueSource;
@@ -26,6 +27,8 @@ pub fn preset(preset: Preset, parsed: Settings, matches: &ArgMatches) -> Result<
 pub struct File<'a> {
     path: &'a Path,
     left: Named,
+    /// Keys whose values are those of the file.
+    taken: BTreeSet<String>,
     /// Pairs of options that exclude each other.
     excluding: Vec<[String; 2]>,
 }
@@ -38,7 +41,7 @@ impl<'a> File<'a> {
             path: path.into(),
             message: e.to_string().trim_end().into(),
         })?;
-        Ok(File { path, left: Named::new(table), excluding: excluding() })
+        Ok(File { path, left: Named::new(table), taken: BTreeSet::new(), excluding: excluding() })
     }
 
     /// The preset that the file names, if it names one.
@@ -52,14 +55,25 @@ impl<'a> File<'a> {
             matches.try_contains_id(key).is_ok() && matches.value_source(key) == Some(ValueSource::CommandLine)
         };
         let overruled = |key: &str| given(key) || self.excluding.iter().any(|[own, other]| own == key && given(other));
+        self.taken.extend(self.left.unknown().filter(|key| !overruled(key)).map(String::from));
         match self.left.claim(parsed, overruled) {
             (claimed, wrong) if wrong.is_empty() => Ok(claimed),
             (_, wrong) => Err(Error::Format { path: self.path.into(), message: wrong.join("; ") }),
         }
     }
 
+    /// What is wrong with a setting, with the file's name where it is from there.
+    pub fn blamed(&self, error: Error) -> Error {
+        match error {
+            Error::Setting { name, message } if self.taken.contains(&name) => {
+                Error::Format { path: self.path.into(), message: format!("`{name}` {message}") }
+            }
+            other => other,
+        }
+    }
+
     /// Refuses keys that nothing has claimed.
-    pub fn finish(self) -> Result<()> {
+    pub fn finish(&self) -> Result<()> {
         match self.left.unknown().next() {
             Some(key) => {
                 let own = key.replace('-', "_");

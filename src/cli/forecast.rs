@@ -42,8 +42,8 @@ pub fn shape(stack: &ContourStack) -> Vec<String> {
     vec![drawn, format!("heights {} to {} {unit}, {spread}", short(first.z), short(last.z))]
 }
 
-/// Memory, disk and time of a run that makes layers at `heights`.
-pub fn requirements(stack: &ContourStack, heights: &[f64], needs: &MemoryNeeds) -> String {
+/// Memory, disk and time of a run.
+pub fn requirements(effort: &Effort, needs: &MemoryNeeds) -> String {
     let mib = |bytes: u64| bytes.div_ceil(1 << 20);
     let instead = match needs.least < needs.all {
         true => format!(" (or {} MiB, and {} MiB of disk for temporary files)", mib(needs.least), mib(needs.disk)),
@@ -51,7 +51,7 @@ pub fn requirements(stack: &ContourStack, heights: &[f64], needs: &MemoryNeeds) 
     };
     let threads = rayon::current_num_threads();
     let cores = if threads == 1 { "one core".into() } else { format!("{threads} cores") };
-    let seconds = rough(Effort::of(stack, heights).seconds(threads));
+    let seconds = rough(effort.seconds(threads));
     format!("about {} MiB of memory{instead} and, on {cores} of this CPU, {seconds}", mib(needs.all))
 }
 
@@ -70,13 +70,14 @@ pub fn forecast(loaded: &Loaded, outputs: &Outputs, beside: u64) -> Result<Strin
         }
         _ => would_write(target),
     }));
-    lines.push(format!("would need: {}", requirements(stack, &loaded.heights, &loaded.needs().beside(beside))));
+    let effort = Effort::of(stack, &loaded.heights);
+    lines.push(format!("would need: {}", requirements(&effort, &loaded.needs().beside(beside))));
     lines.push(String::new());
     Ok(lines.join("\n"))
 }
 
-/// A run with many labels, before it is made. Labels are worked on one by one, each in its own window: what that takes is not foretold.
-pub fn forecast_labels(loaded: &LoadedLabels, outputs: &LabelOutputs) -> String {
+/// A run with many labels, before it is made, that needs so many bytes of memory beside the reconstructions.
+pub fn forecast_labels(loaded: &LoadedLabels, outputs: &LabelOutputs, beside: u64) -> String {
     let LabelStack { stack, labels, appearances, given, .. } = &loaded.stack;
     let mut lines = read_and_made(stack, loaded.heights());
     for ((label, appearance), given) in labels.iter().zip(appearances).zip(given) {
@@ -84,6 +85,8 @@ pub fn forecast_labels(loaded: &LoadedLabels, outputs: &LabelOutputs) -> String 
         lines.push(format!("would make: label {label}{name}, of {} slices", given.slices.len()));
     }
     lines.extend(outputs.targets().map(would_write));
+    let (needs, effort) = loaded.requirements();
+    lines.push(format!("would need: {}", requirements(&effort, &needs.beside(beside))));
     lines.push(String::new());
     lines.join("\n")
 }

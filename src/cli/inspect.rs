@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use interslice::estimate::memory::MemoryNeeds;
+use interslice::estimate::runtime::Effort;
 use interslice::grid::components::{Components, label4, label8};
 use interslice::input::labels::{Wanted, labels_of_volume, read_labels};
 use interslice::input::{self, Input};
@@ -218,7 +219,7 @@ fn describe(stack: &ContourStack, links: &[Link], step: Option<(f64, &str)>) -> 
     }
     let all = heights.heights()?;
     let needs = MemoryNeeds::of(stack, &all, &Settings::default(), rayon::current_num_threads());
-    lines.push(format!("a reconstruction needs {}", requirements(stack, &all, &needs)));
+    lines.push(format!("a reconstruction needs {}", requirements(&Effort::of(stack, &all), &needs)));
     lines.push(String::new());
     // Two slices at a time: a stack may be larger than memory.
     let mut below: Option<Seen> = None;

@@ -43,13 +43,13 @@ pub struct JobArguments {
 impl JobArguments {
     /// The options, checked; `device` takes those of the settings file too.
     pub fn options(self, device: &mut DeviceOptions, matches: &ArgMatches) -> Result<JobOptions> {
-        let JobArguments { mut output, mut read, mut links, mut settings, .. } = self;
-        let mut file = self.settings_file.as_deref().map(File::read).transpose()?;
+        let JobArguments { mut output, mut read, mut links, mut settings, settings_file, .. } = self;
+        let mut file = settings_file.as_deref().map(File::read).transpose()?;
         let named = file.as_mut().map_or(Ok(None), File::preset)?;
         if let Some(named) = self.preset.or(named) {
             settings = preset(named, settings, matches)?;
         }
-        if let Some(mut file) = file {
+        if let Some(file) = &mut file {
             settings = file.overlay(settings, matches)?;
             read = file.overlay(read, matches)?;
             links = file.overlay(links, matches)?;
@@ -57,8 +57,8 @@ impl JobArguments {
             *device = file.overlay(std::mem::take(device), matches)?;
             file.finish()?;
         }
-        let options = JobOptions { read, links, settings, output, settings_file: self.settings_file };
-        options.check()?;
+        let options = JobOptions { read, links, settings, output, settings_file: settings_file.clone() };
+        options.check().map_err(|error| file.iter().fold(error, |error, file| file.blamed(error)))?;
         Ok(options)
     }
 }

@@ -40,7 +40,8 @@ pub fn reconstruct(asked: &Asked<'_>, options: JobOptions, device: &DeviceOption
         tell!("running on: {} ({})", chosen.backend().name(), chosen.reason);
     }
     if telling == Telling::DryRun {
-        return say(&forecast_labels(&loaded, &outputs));
+        let beside = loaded.beside(&outputs, chosen.backend().host_bytes());
+        return say(&forecast_labels(&loaded, &outputs, beside));
     }
     let bars = Bars::default();
     let progress: &dyn Progress = if telling == Telling::Quiet { &interslice::progress::Silent } else { &bars };

@@ -57,7 +57,7 @@ const BASE_BYTES: f64 = 28.0 * 1024.0 * 1024.0;
 /// Needs of a run on the reference path, estimated from above, as if every group filled the image. Whoever keeps the layers
 /// ([`reconstruct`](crate::reconstruct)) needs 4 bytes of memory per voxel more; writing them takes what
 /// [`format::bytes`](crate::files::format::bytes) says.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct MemoryNeeds {
     /// Bytes of memory where everything stays there.
     pub all: u64,
@@ -152,6 +152,12 @@ impl MemoryNeeds {
     /// The needs with `bytes` of memory more for what is beside it: its outputs, say.
     pub fn beside(self, bytes: u64) -> Self {
         MemoryNeeds { all: self.all + bytes, least: self.least + bytes, ..self }
+    }
+
+    /// What is enough for this run and for another, one after the other.
+    pub fn or(self, other: Self) -> Self {
+        let MemoryNeeds { all, least, disk } = other;
+        MemoryNeeds { all: self.all.max(all), least: self.least.max(least), disk: self.disk.max(disk) }
     }
 
     /// Budget of a run in memory beside `beside` bytes of others, where `limit` bytes are allowed in all, or else what is free.

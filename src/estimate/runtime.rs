@@ -29,7 +29,7 @@ const LONG: f64 = 4.0;
 const GAIN: f64 = 0.75;
 
 /// Work of a reconstruction with default settings.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Effort {
     /// Padded pixels of all slices; pixels in which neighbours differ; edges of the larger of both, for each layer between; pixels of all
     /// layers.
@@ -57,6 +57,11 @@ impl Effort {
                 (pixels * heights.len()) as f64,
             ],
         }
+    }
+
+    /// That of another run too.
+    pub fn and(self, other: Self) -> Self {
+        Effort { work: std::array::from_fn(|k| self.work[k] + other.work[k]) }
     }
 
     /// Seconds on so many cores of this machine.

@@ -16,9 +16,11 @@ use super::provenance::Source;
 use super::scenes::Scenes;
 use crate::backend::Means;
 use crate::error::{Error, Result};
+use crate::estimate::memory::MemoryNeeds;
+use crate::estimate::runtime::Effort;
 use crate::input::labels::{Wanted, read_labels, read_whole_labels};
 use crate::labels::report::{LabelReport, LabelsReport};
-use crate::labels::{DecidedLabels, KeptBody, LabelStack, Plan, decide, reconstruct};
+use crate::labels::{DecidedLabels, KeptBody, LabelStack, Plan, decide, reconstruct, requirements};
 use crate::report::Report;
 use crate::settings::Settings;
 use crate::stack::heights::missed;
@@ -109,6 +111,19 @@ impl LoadedLabels {
         &self.heights
     }
 
+    /// What their reconstructions take.
+    pub fn requirements(&self) -> (MemoryNeeds, Effort) {
+        requirements(&self.stack, !self.keep_overlaps, &self.heights, &self.options.settings)
+    }
+
+    /// Bytes of memory beside the reconstructions: of their outputs, and of a backend.
+    pub fn beside(&self, outputs: &LabelOutputs, backend: u64) -> u64 {
+        let has_mesh = outputs.labels.iter().any(Outputs::has_mesh);
+        let simplifying =
+            if has_mesh { self.options.output.bytes_to_simplify(&self.stack.stack, &self.heights) } else { 0 };
+        outputs.bytes(&self.stack) + simplifying + backend
+    }
+
     /// Reconstructs all labels and writes them into `outputs`, under temporary names.
     ///
     /// # Errors
@@ -117,14 +132,11 @@ impl LoadedLabels {
         let start = Instant::now();
         let folder = std::env::temp_dir();
         check_temporary(&folder)?;
-        let has_mesh = outputs.labels.iter().any(Outputs::has_mesh);
-        let simplifying =
-            if has_mesh { self.options.output.bytes_to_simplify(&self.stack.stack, &self.heights) } else { 0 };
         let plan = Plan {
             heights: &self.heights,
             settings: &self.options.settings,
             folder: &folder,
-            beside: outputs.bytes(&self.stack) + simplifying + means.backend.host_bytes(),
+            beside: self.beside(outputs, means.backend.host_bytes()),
             memory,
         };
         let bodies = reconstruct(&self.stack, !self.keep_overlaps, &plan, means)?;

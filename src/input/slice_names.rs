@@ -84,7 +84,8 @@ fn is_more_of(name: &str, other: &str) -> bool {
     other.ends_with(|c: char| c.is_ascii_digit()) && more.is_some_and(|c| c.is_alphabetic() || " _(".contains(c))
 }
 
-/// Words where the numbers in the names of slices, in order, leave some out: a file may be missing.
+/// Words where the numbers in the names of slices, in order, leave some out, so that a file may be missing, or rise by unlike steps, so that they may be
+/// heights.
 pub(super) fn skips(names: &[&str]) -> Option<String> {
     let numbered: Vec<(String, Vec<u64>)> = names.iter().map(|name| numbers(name)).collect::<Option<_>>()?;
     let (template, first) = numbered.first()?;
@@ -99,17 +100,26 @@ pub(super) fn skips(names: &[&str]) -> Option<String> {
     steps.iter().for_each(|step| *often.entry(*step).or_default() += 1);
     let usual = *often.iter().max_by_key(|(_, count)| **count)?.0;
     let longer: Vec<usize> = (0..steps.len()).filter(|&k| steps[k] > usual).collect();
-    let (&k, few) = (longer.first()?, 2 * longer.len() < steps.len());
+    if 2 * longer.len() >= steps.len() || longer.is_empty() {
+        let [least, most] = [steps.iter().min()?, steps.iter().max()?];
+        return (least != most && *least > 0).then(|| {
+            format!(
+                "the numbers in the names rise by {least} to {most}, `{}` to `{}`: the slices are taken as equally far apart all the same; if the numbers \
+                 are heights, write a stack.json with them",
+                names[0],
+                names[names.len() - 1]
+            )
+        });
+    }
+    let k = longer[0];
     let more =
         if longer.len() > 1 { format!(", and at {} more", counted(longer.len() - 1, "place")) } else { String::new() };
-    few.then(|| {
-        format!(
-            "between `{}` and `{}` numbers are left out{more}: the slices are taken as equally far apart all the same; if one is missing, \
-             write a stack.json with their heights",
-            names[k],
-            names[k + 1]
-        )
-    })
+    Some(format!(
+        "between `{}` and `{}` numbers are left out{more}: the slices are taken as equally far apart all the same; if one is missing, write a stack.json \
+         with their heights",
+        names[k],
+        names[k + 1]
+    ))
 }
 
 /// Whether number `at` of a name with these marks is a part of a decimal one.
@@ -152,7 +162,6 @@ mod tests {
             &["v2_004.tif", "v2_008.tif", "v2_012.tif", "v2_016.tif"],
             &["z-2.5.png", "z-0.0.png", "z2.5.png"],
             &["a1.png", "b7.png", "b8.png", "b9.png"],
-            &["s1.png", "s4.png", "s9.png"],
             &["s1.png"],
             &[],
             &["99999999999999999999.png", "99999999999999999999999.png"],
@@ -190,6 +199,18 @@ mod tests {
             told.starts_with("between `a 5.tif` and `a 15.tif` numbers are left out, and at 1 place more"),
             "{told}"
         );
+    }
+
+    #[test]
+    fn numbers_that_rise_by_unlike_steps_are_told() {
+        for (names, steps) in [
+            (&["s1.png", "s4.png", "s9.png"][..], "rise by 3 to 5, `s1.png` to `s9.png`"),
+            (&["z1.png", "z2.png", "z3.png", "z10.png", "z20.png"], "rise by 1 to 10, `z1.png` to `z20.png`"),
+            (&["z0.tif", "z8.tif", "z16.tif", "z20.tif"], "rise by 4 to 8, `z0.tif` to `z20.tif`"),
+        ] {
+            let told = skips(names).unwrap_or_default();
+            assert!(told.contains(steps), "{names:?}: {told}");
+        }
     }
 
     #[test]

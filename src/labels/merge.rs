@@ -9,24 +9,19 @@ use super::ended::{EndingLabels, GoesOn, HeightBetween, depth};
 use super::floating::{DecidedStep, FloatingPieces};
 use super::given::Given;
 use super::kept::{KeptBody, LayerPatch};
+use super::piece::{LabelPiece, pieces, unions};
 use super::report::Borders;
 use super::stack::{LabelPair, LabelStack};
 use crate::backend::Means;
 use crate::error::{Error, Result};
-use crate::estimate::memory::MemoryNeeds;
 use crate::grid::sparse_image::SparseImage;
 use crate::reconstruct::reconstruct_into;
-use crate::registration::displacement::BLOCK;
 use crate::settings::Settings;
+use crate::stack::ContourStack;
 use crate::stack::heights::SAME;
-use crate::stack::{ContourStack, Slice, SliceContent};
 use crate::surface::Layer;
 use crate::surface::header::Header;
 use crate::surface::stream::LayerSink;
-
-/// Pixels, of the larger side, around a label that are computed with it. What lies beyond changes no bit of its surface; distances differ by
-/// rounding within a hundredth of a pixel of the clamp (`tests/labels/partitions.rs`).
-const AROUND: f64 = 64.0;
 
 /// Plan of a run with labels.
 #[derive(Clone, Copy)]
@@ -87,20 +82,12 @@ impl DecidedLabels {
 pub fn reconstruct(stack: &LabelStack, unite: bool, plan: &Plan<'_>, means: &Means<'_>) -> Result<Bodies> {
     stack.validate()?;
     let far = plan.settings.margin() as f32 * pixel(&stack.stack);
-    let piece = |members: &[usize]| {
-        let united = stack.united(members);
-        if unite { LabelPiece::of(&united) } else { LabelPiece { stack: united, origin: [0; 2] } }
-    };
-    let budget = |part: &LabelPiece| {
-        let needs = MemoryNeeds::of(&part.stack, plan.heights, plan.settings, rayon::current_num_threads());
-        needs.budget(plan.beside, plan.memory)
-    };
-    let groups = if unite { stack.groups(&stack.contacts()) } else { Vec::new() };
+    let budget = |part: &LabelPiece| part.needs(plan.heights, plan.settings).budget(plan.beside, plan.memory);
+    let groups = unions(stack, unite);
     // What does not fit is found before the work.
-    let mut all = (0..stack.labels.len()).map(|a| vec![a]).chain(groups.iter().cloned());
-    all.try_for_each(|members| budget(&piece(&members)).map(|_| ()))?;
+    pieces(stack, unite, &groups).try_for_each(|part| budget(&part).map(|_| ()))?;
     let keep = |members: &[usize]| {
-        let part = piece(members);
+        let part = LabelPiece::of(stack, members, unite);
         let mut kept = KeptBody::new(plan.folder, far, stack.stack.dims, part.origin)?;
         let budget = budget(&part)?;
         let means = Means { budget: &budget, ..*means };
@@ -368,39 +355,5 @@ impl Steps {
         };
         let all = heights.chunk_by(|a, b| b.0 - a.0 <= same).map(at).collect();
         Steps { all }
-    }
-}
-
-/// The part of a stack that is not empty, with what is around it.
-struct LabelPiece {
-    stack: ContourStack,
-    origin: [usize; 2],
-}
-
-impl LabelPiece {
-    /// Blocks of displacements lie where they lie in the whole image.
-    fn of(stack: &ContourStack) -> Self {
-        let [nx, ny] = stack.dims;
-        let mut low = [usize::MAX; 2];
-        let mut high = [0; 2];
-        for slice in &stack.slices {
-            for n in (0..nx * ny).filter(|&n| slice.content.inside(n)) {
-                let pixel = [n % nx, n / nx];
-                (0..2).for_each(|a| (low[a], high[a]) = (low[a].min(pixel[a]), high[a].max(pixel[a] + 1)));
-            }
-        }
-        let larger = stack.spacing[0].max(stack.spacing[1]);
-        let around = stack.spacing.map(|side| (AROUND * larger / side).ceil() as usize);
-        let origin: [usize; 2] =
-            std::array::from_fn(|a| low[a].min(stack.dims[a]).saturating_sub(around[a]) / BLOCK * BLOCK);
-        let dims: [usize; 2] =
-            std::array::from_fn(|a| (high[a] + around[a]).min(stack.dims[a]).max(origin[a] + 1) - origin[a]);
-        let cut = |slice: &Slice| {
-            let pixels = (0..dims[1]).flat_map(|j| (0..dims[0]).map(move |i| (origin[1] + j) * nx + origin[0] + i));
-            let content = SliceContent::Mask(pixels.map(|n| slice.content.inside(n)).collect());
-            Slice { name: slice.name.clone(), z: slice.z, extra: slice.extra, content }
-        };
-        let slices = stack.slices.iter().map(cut).collect();
-        LabelPiece { stack: ContourStack { dims, slices, unit: stack.unit.clone(), ..*stack }, origin }
     }
 }

@@ -44,10 +44,12 @@ pub mod given;
 mod kept;
 mod measure;
 mod merge;
+mod piece;
 pub mod report;
 mod stack;
 
 pub use fill::fill;
 pub use kept::KeptBody;
 pub use merge::{Bodies, DecidedLabels, Plan, decide, reconstruct};
+pub use piece::requirements;
 pub use stack::{Covered, LabelStack, SingleSlice};

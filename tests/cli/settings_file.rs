@@ -42,6 +42,29 @@ fn a_settings_file_says_memory_as_the_command_line_does() {
 }
 
 #[test]
+fn a_value_beyond_its_range_is_told_with_the_file_that_has_it() {
+    let place = folder();
+    sound_stack(place.path());
+    let file = place.path().join("s.toml");
+    let (input, settings) = (place.path().display().to_string(), file.display().to_string());
+    let out = place.path().join("a.stl").display().to_string();
+    let base = ["reconstruct", &input, "--settings", &settings, "-o", &out];
+    for (text, own, said) in [
+        ("fair = 7\n", &[][..], "`fair` must lie in [0, 1.5]; got 7"),
+        ("dz = -1\n", &[], "`dz` must be a positive number; got -1"),
+        ("cfl = 0.25\n", &["--fair", "9"], "`fair` must lie in [0, 1.5]; got 9"),
+        ("fair = 1\n", &["--fair", "9"], "`fair` must lie in [0, 1.5]; got 9"),
+    ] {
+        fs::write(&file, text).expect("a file can be written");
+        let result = interslice(&[&base[..], own].concat());
+        let message = stderr(&result);
+        assert_eq!(result.status.code(), Some(2), "{text}: {message}");
+        assert!(message.contains(said), "{text}: {message}");
+        assert_eq!(message.contains("s.toml"), own.is_empty(), "{text}: {message}");
+    }
+}
+
+#[test]
 fn the_command_line_wins_over_the_settings_file() {
     let place = folder();
     sound_stack(place.path());

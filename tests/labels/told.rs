@@ -36,6 +36,38 @@ fn what_was_decided_between_labels_is_told_without_contradiction() {
     }
 }
 
+/// The least that is foretold is enough, and a MiB less is refused.
+#[test]
+fn a_dry_run_foretells_what_labels_need() {
+    let place = folder();
+    let (path, out) = (place.path().join("in.nrrd"), place.path().join("out.nrrd"));
+    // A large disc with a small one beside it, which touch on every fourth slice.
+    let label = |n: usize| -> u8 {
+        let [i, j, k] = [n % 200, n / 200 % 150, n / (200 * 150)].map(|n| n as f64);
+        match k as usize % 4 {
+            0 if (i - 70.0).hypot(j - 75.0) < 60.0 => 7,
+            0 if (i - 140.0).hypot(j - 75.0) < 15.0 => 9,
+            _ => 0,
+        }
+    };
+    let voxels: Vec<u8> = (0..200 * 150 * 13).map(label).collect();
+    let bytes = crate::files::nrrd("spacings: 1 1 1\nencoding: raw", "uint8", [200, 150, 13], &voxels);
+    fs::write(&path, bytes).expect("a file can be written");
+    let run = ["reconstruct", text(&path), "--labels", "all", "--axis", "z", "-o", text(&out)];
+    let run = |more: &[&str]| interslice(&[&run[..], &["--backend", "cpu", "--threads", "2"], more].concat());
+    let foretold = run(&["--dry-run"]);
+    let said = String::from_utf8_lossy(&foretold.stdout).into_owned();
+    assert!(said.contains("on 2 cores of this CPU, "), "{said}");
+    let least = said.split_once("(or ").and_then(|(_, rest)| rest.split_once(" MiB")?.0.parse::<u64>().ok());
+    let least = least.unwrap_or_else(|| panic!("no memory: {said}"));
+    for (memory, code) in [(least, 0), (least - 1, 2)] {
+        let done = run(&["--memory", &format!("{memory}M")]);
+        assert_eq!(done.status.code(), Some(code), "{memory} MiB: {}", stderr(&done));
+        assert_eq!(out.exists(), code == 0, "{memory} MiB");
+        let _ = fs::remove_file(&out);
+    }
+}
+
 #[test]
 fn labels_of_parts_that_pixels_do_not_resolve_are_told() {
     let place = folder();

@@ -71,7 +71,9 @@ pub fn forecast(loaded: &Loaded, outputs: &Outputs, beside: u64) -> Result<Strin
         _ => would_write(target),
     }));
     let effort = Effort::of(stack, &loaded.heights);
-    lines.push(format!("would need: {}", requirements(&effort, &loaded.needs().beside(beside))));
+    let simplifying = loaded.options.output.simplify.is_some() && outputs.has_mesh();
+    let more = if simplifying { ", and what `simplify` takes, which may be several times as long" } else { "" };
+    lines.push(format!("would need: {}{more}", requirements(&effort, &loaded.needs().beside(beside))));
     lines.push(String::new());
     Ok(lines.join("\n"))
 }

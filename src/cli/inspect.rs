@@ -169,7 +169,8 @@ fn structures(arguments: &InspectArguments) -> Result<String> {
     let text = describe(&stack, &links, chosen.steps(&stack).map(|s| (s.heights, AS_PIXELS)))?;
     let drawings = chosen.drawings(&arguments.read)?;
     let large = too_large(&drawings, arguments.read.pixel.map(|px| [px; 2]), stack.spacing);
-    let doubts = large.into_iter().chain(chosen.crossing(&drawings)).chain(stack.doubts());
+    let unlike = chosen.on_planes_of_others(&arguments.read)?;
+    let doubts = large.into_iter().chain(chosen.crossing(&drawings)).chain(unlike).chain(stack.doubts());
     let mut lines = chosen.describe();
     lines.extend(arguments.read.pixel.is_none().then(|| chosen_pixel(&drawings).to_string()));
     Ok(left_out + &lines.join("\n") + "\n" + &told(doubts) + &text)

@@ -223,10 +223,11 @@ impl Loaded {
     /// Loads a stack that no file holds.
     ///
     /// # Errors
-    /// [`Error::Stack`](crate::Error::Stack) for too many output heights.
+    /// [`Error::Stack`](crate::Error::Stack) for too many output heights; those of [`heights::check`](crate::stack::heights::check).
     pub fn new(stack: ContourStack, options: JobOptions) -> Result<Self> {
         options.output.check_unit(&stack.unit)?;
         let heights = options.output.heights(&stack, &options.settings)?;
+        crate::stack::heights::check(&stack, &heights, &options.settings)?;
         let mut notes = options.output.doubts(&stack);
         notes.extend(passed_over(&stack, &options.settings));
         Ok(Loaded { stack, heights, options, notes, source: None })

@@ -14,10 +14,13 @@ use crate::error::{Error, Result};
 use crate::storage::folders::files_below;
 use crate::storage::temporaries::{Listed, uninterrupted};
 
+/// What names of temporary files end with.
+const SUFFIX: &str = ".tmp";
+
 /// Names of temporary files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Temporary {
-    /// Never two alike: any number of runs may write to one folder, but to each place one at a time.
+    /// Never two alike: any number of runs may write to one folder, but to each place one at a time, which removes what a killed one has left.
     Random,
     /// Never two alike, of runs that may write to one place at a time: it is theirs who end last.
     Shared,
@@ -62,7 +65,7 @@ impl Pending {
         };
         let locked = temporary != Temporary::Shared && places.has_lock();
         let lock = if locked { Lock::of(&place).map_err(fail)? } else { None };
-        let made = Made::beside(&place, is_folder, temporary);
+        let made = Made::beside(&place, is_folder, temporary, lock.is_some());
         let made = made.map_err(|e| Error::Output { path: target.into(), message: message(e) })?;
         Ok(Pending { place, made, _lock: lock })
     }
@@ -118,18 +121,25 @@ impl Pending {
 }
 
 impl Made {
-    /// Makes it beside the place that it will take, and removes what a killed run has left.
-    fn beside(target: &Path, is_folder: bool, temporary: Temporary) -> io::Result<Self> {
+    /// Makes it beside the place that it will take, and removes what a killed run has left. Where the place is `locked` no other run writes there.
+    fn beside(target: &Path, is_folder: bool, temporary: Temporary, locked: bool) -> io::Result<Self> {
         let place = parent(target);
         let mut builder = Builder::new();
-        builder.prefix(".interslice-").suffix(".tmp");
-        let fixed;
-        if temporary == Temporary::Fixed {
-            // The target's own name may be as long as names can be.
-            let name = target.file_name().unwrap_or_default().as_encoded_bytes();
-            fixed = format!(".interslice-{}", &blake3::hash(name).to_hex()[..32]);
-            builder.prefix(&fixed).rand_bytes(0);
-            remove(&place.join(format!("{fixed}.tmp")))?;
+        builder.prefix(".interslice-").suffix(SUFFIX);
+        // The target's own name may be as long as names can be.
+        let name = blake3::hash(target.file_name().unwrap_or_default().as_encoded_bytes()).to_hex();
+        let own = format!(".interslice-{}", &name[..32]);
+        let of_locked = format!("{own}-");
+        match temporary {
+            Temporary::Fixed => {
+                builder.prefix(&own).rand_bytes(0);
+                remove(&place.join(format!("{own}{SUFFIX}")))?;
+            }
+            Temporary::Random if locked => {
+                builder.prefix(&of_locked);
+                left_behind(place, &of_locked).iter().for_each(|path| drop(remove(path)));
+            }
+            Temporary::Random | Temporary::Shared => {}
         }
         if is_folder {
             set_mode(&mut builder, 0o777);
@@ -212,6 +222,13 @@ fn keep_mode(file: &File, target: &Path) -> io::Result<()> {
     Ok(())
 }
 
+/// Temporary files and folders in a folder whose names begin so.
+fn left_behind(folder: &Path, prefix: &str) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let ours = |name: &str| name.starts_with(prefix) && name.ends_with(SUFFIX);
+    entries.filter(|entry| entry.file_name().to_str().is_some_and(ours)).map(|entry| entry.path()).collect()
+}
+
 /// Removes a file, or a folder and all in it, where there is one.
 fn remove(path: &Path) -> io::Result<()> {
     let removed = match fs::symlink_metadata(path) {
@@ -285,6 +302,33 @@ mod tests {
         [&plain, &private].into_iter().for_each(|target| write(target));
         assert_eq!((mode(&private), fs::read_to_string(&private).expect("it is there")), (0o600, "1\n".into()));
         assert_ne!(mode(&plain), 0o600, "a new file is as any program's");
+    }
+
+    #[test]
+    fn what_a_killed_run_has_left_of_a_place_goes_with_the_next_run_to_it() {
+        let place = tempfile::tempdir().expect("a folder can be made");
+        let at = |name: &str| place.path().join(name);
+        let open = |name: &str, is_folder: bool, temporary: Temporary| {
+            Pending::open(&at(name), is_folder, temporary, &mut Places::default()).expect("it can be made")
+        };
+        let listed = || fs::read_dir(place.path()).expect("the folder is there").count();
+        for (name, is_folder) in [("a.stl", false), ("a.zarr", true)] {
+            // As if it were killed: neither the file nor its lock is removed, and the lock is nobody's.
+            let killed = open(name, is_folder, Temporary::Random);
+            let left = killed.path().to_path_buf();
+            let kept = at("kept");
+            fs::rename(&left, &kept).expect("it is there");
+            drop(killed);
+            fs::rename(&kept, &left).expect("it is there");
+            drop(open("b.stl", false, Temporary::Random));
+            drop(open(name, is_folder, Temporary::Shared));
+            assert!(left.exists(), "other places, and runs that write to one place, let it be");
+            drop(open(name, is_folder, Temporary::Random));
+            assert_eq!(listed(), 0, "{name}");
+        }
+        let running = open("a.stl", false, Temporary::Random);
+        Pending::open(&at("a.stl"), false, Temporary::Random, &mut Places::default()).expect_err("one writes there");
+        assert!(running.path().exists());
     }
 
     /// Many folders get one name, one after the other on two threads: whoever looks finds one that is complete.

@@ -17,6 +17,9 @@ use super::volume::{Lacking, Volume};
 use crate::error::{Error, Result};
 use crate::storage::room;
 
+/// What many labels have instead of a stack.json.
+const WITH_LABELS: &str = ", or for `labels`, which takes none, put an image with nothing painted where one is missing";
+
 /// Reads the names of the images in a folder, and what the first is like. No file says how far apart they are.
 ///
 /// # Errors
@@ -27,7 +30,8 @@ pub(super) fn read(folder: &Path) -> Result<Volume> {
         return Err(Error::Format { path: folder.into(), message: "has no images".into() });
     };
     let of_slices: Vec<&str> = names.iter().map(String::as_str).collect();
-    let told = series(&of_slices).or_else(|| repeats(&of_slices)).or_else(|| skips(&of_slices));
+    let told =
+        series(&of_slices).or_else(|| repeats(&of_slices)).or_else(|| skips(&of_slices).map(|told| told + WITH_LABELS));
     let notes = beside(folder)?.into_iter().chain(told).collect();
     let image = Image::read(&folder.join(first));
     let image = image.map_err(|message| Error::Slice { index: 0, name: first.clone(), message })?;

@@ -38,6 +38,7 @@ use crate::labels::given::{Completeness, Given, hole};
 use crate::stack::ContourStack;
 use crate::stack::appearance::Appearance;
 use crate::stack::axis::Axis;
+use crate::stack::members::{Member, drawn_on_slices_of_others};
 use crate::stack::options::ReadOptions;
 use crate::surface::content::Paint;
 
@@ -278,8 +279,10 @@ impl Input {
         let labels = &self.surveyed.as_ref()?.survey.labels;
         let several = labels.len() > 1 && options.label.is_none() && options.level.is_none();
         several.then(|| {
+            let unlike = self.surveyed.as_ref().and_then(|surveyed| surveyed.unlike(options));
+            let unlike = unlike.map_or(String::new(), |unlike| format!("; {unlike}"));
             format!(
-                "its {} labels become one body, their union; `labels` = all keeps them apart, `label` = NUMBER takes one",
+                "its {} labels become one body, their union; `labels` = all keeps them apart, `label` = NUMBER takes one{unlike}",
                 labels.len()
             )
         })
@@ -303,6 +306,20 @@ impl Surveyed {
     /// Distance of neighbouring slices.
     pub fn thickness(&self) -> f64 {
         self.volume.grid.spacing()[self.axis.axis]
+    }
+
+    /// Words where labels that become one body are painted on unlike slices of those that `options` take.
+    fn unlike(&self, options: &ReadOptions) -> Option<String> {
+        let painted = &self.survey.painted[self.axis.axis];
+        let asked = |k: &usize| options.slices.as_ref().is_none_or(|list| list.contains(k));
+        let kept = |k: &usize| options.keep.is_none_or(|keep| keep == 0 || k.is_multiple_of(keep));
+        let taken: Vec<usize> = (0..painted.len()).filter(|k| painted[*k] && asked(k) && kept(k)).collect();
+        let member = |(label, slices): (&i64, &[Vec<bool>; 3])| Member {
+            name: format!("label {label}"),
+            drawn: taken.iter().map(|k| slices[self.axis.axis][*k]).collect(),
+        };
+        let members: Vec<Member> = self.survey.slices.iter().map(member).collect();
+        drawn_on_slices_of_others(&members, "slices", "`labels` = all interpolates each by itself")
     }
 
     /// Words where painted slices stand alone and every `keep`-th slice is no choice among these: it takes empty ones between them.

@@ -13,6 +13,7 @@ use crate::polygons::crossing::crossing;
 use crate::polygons::near::near_copies;
 use crate::polygons::plane::{Bent, PlaneSet, TOLERANCE, smallest_gap};
 use crate::polygons::{self, PlaneDrawing, Planes, Polygon};
+use crate::stack::members::{Member, drawn_on_slices_of_others};
 use crate::stack::{ContourStack, ReadOptions};
 
 /// Ratio of a ROI's gaps to those of another one's planes from which on planes were left out.
@@ -228,6 +229,25 @@ impl ChosenRois<'_> {
         let stack = polygons::stack(&drawings, &planes, options.pixel.map(|p| [p; 2]));
         let checked = stack.and_then(|stack| stack.validate().map(|()| stack));
         checked.map_err(|e| e.in_file(&self.set.path))
+    }
+
+    /// Words where of several ROIs some are not drawn on planes of others.
+    ///
+    /// # Errors
+    /// The errors of [`ChosenRois::chosen_planes`].
+    pub fn on_planes_of_others(&self, options: &ReadOptions) -> Result<Option<String>> {
+        if self.rois.len() < 2 {
+            return Ok(None);
+        }
+        let planes = self.chosen_planes(options)?;
+        let mut on: HashSet<(usize, usize)> = HashSet::new();
+        on.extend(self.used.iter().zip(&self.planes.plane_of).map(|((roi, _), plane)| (*roi, *plane)));
+        let member = |(r, roi): (usize, &&Roi)| Member {
+            name: roi.label(),
+            drawn: planes.iter().map(|plane| on.contains(&(r, *plane))).collect(),
+        };
+        let members: Vec<Member> = self.rois.iter().enumerate().map(member).collect();
+        Ok(drawn_on_slices_of_others(&members, "planes", "`all_rois` makes each by itself"))
     }
 
     /// Words on planes on which contours cross each other or themselves; where a ROI says even-odd outright it is meant.

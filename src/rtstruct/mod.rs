@@ -208,8 +208,10 @@ impl ReferencedSet {
         let drawings = chosen.drawings(&self.options)?;
         let large = too_large(&drawings, self.options.pixel.map(|px| [px; 2]), stack.spacing);
         let crossing = chosen.crossing(&drawings);
+        let unlike = chosen.on_planes_of_others(&self.options)?;
         let mut notes = self.set.left_out.clone();
         notes.extend(chosen.notes);
+        notes.extend(unlike);
         notes.extend(large.into_iter().chain(crossing));
         let lost = stack.slices.iter().filter(|s| s.content.is_empty());
         let px = stack.spacing[0];

@@ -15,6 +15,7 @@ pub(crate) mod lengths;
 pub mod level;
 pub mod links;
 pub mod mask;
+pub mod members;
 pub mod options;
 mod pinholes;
 mod ruggedness;

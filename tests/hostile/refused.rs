@@ -206,6 +206,11 @@ fn settings_are_checked() {
     refused(input.path(), &["--sigma", "NaN"], &["`sigma` must lie in (0, 5]; got NaN"]);
     refused(input.path(), &["--half-width", "6", "--cut-off", "5.5"], &["`cut_off` must lie in [1, 5]; got 5.5"]);
     refused(input.path(), &["--end-top", "peak=3"], &["`end_top` peak must lie above the last contour at 8; got 3"]);
+    refused(
+        input.path(),
+        &["--end-top", "peak=3", "--dry-run"],
+        &["`end_top` peak must lie above the last contour at 8"],
+    );
     refused(input.path(), &["--end-top", "pointed"], &["pointed", "peak=HEIGHT"]);
     refused(input.path(), &["--dz", "0"], &["`dz` must be a positive number; got 0"]);
     refused(input.path(), &["--threads", "0"], &["`threads` must lie in [1, 1024]; got 0"]);

@@ -184,6 +184,31 @@ fn labels_that_become_one_body_are_told() {
 }
 
 #[test]
+fn labels_that_become_one_body_though_painted_on_unlike_slices_are_told() {
+    let painted = |of_first: [usize; 2], of_second: [usize; 2]| {
+        let on = |[every, first]: [usize; 2], k: usize| k % every == first;
+        let voxels = volume(|at| match in_ball(at, 13.0) {
+            true if at[0] < 15 && on(of_first, at[2]) => 1,
+            true if at[0] >= 15 && on(of_second, at[2]) => 7,
+            _ => 0,
+        });
+        Case::new(&voxels, "1 1 1")
+    };
+    let lacking = " slices from its first to its last one, on which others are";
+    for (of_first, of_second, more) in
+        [([4, 0], [4, 2], "; so is 1 more: there the union is"), ([4, 0], [2, 0], ": there the union is")]
+    {
+        painted(of_first, of_second).all_say(&["--axis", "z"], 0, &format!("{lacking}{more} without it"));
+    }
+    for (of_first, of_second, options) in
+        [([4, 0], [4, 0], &["--axis", "z"][..]), ([4, 0], [2, 0], &["--axis", "z", "--keep", "4"])]
+    {
+        let [inspected, ..] = painted(of_first, of_second).said(options);
+        assert!(inspected.0 == Some(0) && !inspected.1.contains(lacking), "{}", inspected.1);
+    }
+}
+
+#[test]
 fn p14_ordinary_volumes_are_not_doubted() {
     Case::new(&ball(), "1 1 1").none_doubts(&[]);
     // Painted throughout, with a tip; a hollow ball.

@@ -13,6 +13,9 @@ const TABLE: usize = 1 << 16;
 /// Most other labels that are told apart.
 const MOST_OTHERS: usize = 1 << 16;
 
+/// Labels whose slices are known one by one.
+const MEMBERS: usize = 256;
+
 /// Survey of what a volume holds.
 #[derive(Debug, Clone, Default)]
 pub struct Survey {
@@ -20,6 +23,8 @@ pub struct Survey {
     pub labels: BTreeMap<i64, u64>,
     /// For each label and axis the first and last slice on which it is.
     pub extents: BTreeMap<i64, [[usize; 2]; 3]>,
+    /// For each label and axis the slices on which it is; nothing where one label is wanted, or there are more than [`MEMBERS`].
+    pub slices: BTreeMap<i64, [Vec<bool>; 3]>,
     /// Whether there are more labels than were told apart.
     pub more: bool,
     /// Least and largest grey value, where that is what voxels are.
@@ -48,6 +53,7 @@ impl Survey {
         let mut survey = Survey { painted: volume.grid.dims.map(|n| vec![false; n]), ..Survey::default() };
         let mut table = vec![0u64; TABLE];
         let mut extents: HashMap<i64, [[usize; 2]; 3]> = HashMap::new();
+        let mut slices: HashMap<i64, [Vec<bool>; 3]> = HashMap::new();
         let mut sheets = Counting::new(volume.grid.dims, volume.stored);
         volume.labels(|run| {
             let (mut start, mut before) = (0, 0);
@@ -70,14 +76,21 @@ impl Survey {
                         *high = (*high).max(run.first[axis] + along * (places.end - 1));
                     }
                 }
+                if value != 0 && label.is_none() && slices.len() <= MEMBERS {
+                    let on = slices.entry(value).or_insert_with(|| volume.grid.dims.map(|n| vec![false; n]));
+                    paint(on, &run, places.clone());
+                }
                 if wanted(label, value) {
                     let mut first = run.first;
                     first[run.along] += places.start;
                     sheets.paint(first, length);
-                    survey.paint(&run, places);
+                    paint(&mut survey.painted, &run, places);
                 }
             }
         })?;
+        if slices.len() <= MEMBERS {
+            survey.slices = slices.into_iter().collect();
+        }
         let counted = table.into_iter().enumerate().skip(1).filter(|(_, n)| *n > 0);
         survey.labels.extend(counted.map(|(label, n)| (label as i64, n)));
         survey.extents = extents.into_iter().filter(|(label, _)| survey.labels.contains_key(label)).collect();
@@ -114,25 +127,13 @@ impl Survey {
                 start = places.end;
                 (low, high) = stretch.iter().fold((low, high), |(low, high), v| (low.min(*v), high.max(*v)));
                 if cut.depth(stretch[0]) < 0.0 {
-                    survey.paint(&run, places);
+                    paint(&mut survey.painted, &run, places);
                 }
             }
         })?;
         cut.check([low, high], "the volume's values")?;
         survey.greys = Some([low, high]);
         Ok(survey)
-    }
-
-    /// Notes that the voxels at these places of a run are wanted.
-    fn paint<T>(&mut self, run: &VoxelRun<'_, T>, places: Range<usize>) {
-        for (axis, painted) in self.painted.iter_mut().enumerate() {
-            let first = run.first[axis];
-            if axis == run.along {
-                painted[first + places.start..first + places.end].fill(true);
-            } else {
-                painted[first] = true;
-            }
-        }
     }
 
     fn count(&mut self, label: i64, voxels: u64) {
@@ -142,6 +143,18 @@ impl Survey {
             self.labels.insert(label, voxels);
         } else {
             self.more = true;
+        }
+    }
+}
+
+/// Notes on the slices of each axis that these places of a run are painted.
+fn paint<T>(slices: &mut [Vec<bool>; 3], run: &VoxelRun<'_, T>, places: Range<usize>) {
+    for (axis, painted) in slices.iter_mut().enumerate() {
+        let first = run.first[axis];
+        if axis == run.along {
+            painted[first + places.start..first + places.end].fill(true);
+        } else {
+            painted[first] = true;
         }
     }
 }

@@ -31,6 +31,38 @@ fn rois_are_chosen_by_name_or_number_and_merged_as_a_union() {
     assert_says(&said(&["inspect", &path, "--roi", "1", "--label", "1"], 2), &["`label`"]);
 }
 
+/// By itself each ROI is interpolated across the planes that it lacks; their union is without it there.
+#[test]
+fn rois_that_lack_planes_of_others_are_told() {
+    let place = folder();
+    let path = place.path().join("a.dcm");
+    let (all, few, shifted) = ([0.0, 3.0, 6.0, 9.0, 12.0], [0.0, 9.0, 12.0], [1.5, 4.5, 7.5]);
+    write(
+        &[
+            ("All", tube(20.0, &all)),
+            ("Few", tube(10.0, &few)),
+            ("End", tube(10.0, &all[2..])),
+            ("Off", tube(10.0, &shifted)),
+        ],
+        &path,
+    );
+    let (input, out) = (path.display().to_string(), place.path().join("a.stl").display().to_string());
+    let few =
+        "ROI 2 (`Few`) is not drawn on 2 of the 5 planes from its first to its last one, on which others are: there";
+    let off = "ROI 4 (`Off`) is not drawn on 2 of the 5 planes from its first to its last one, on which others are; so is 1 more: there";
+    for (others, told) in [("Few", Some(few)), ("Off", Some(off)), ("End", None)] {
+        let rois = ["--roi", "All", "--roi", others];
+        for command in [&["inspect", &input][..], &["reconstruct", &input, "-o", &out, "--backend", "cpu", "--dry-run"]]
+        {
+            let said = said(&[command, &rois[..]].concat(), 0);
+            match told {
+                Some(told) => assert_says(&said, &[told, "`all_rois` makes each by itself"]),
+                None => assert!(!said.contains("is not drawn on"), "{said}"),
+            }
+        }
+    }
+}
+
 #[test]
 fn a_name_that_is_another_rois_number_stands_for_neither() {
     let place = folder();

@@ -84,7 +84,7 @@ fn run(
     let (phi, goal) = (gpu.send_tiles("phi", &atlas, &sources)?, &gpu.send_tiles("goal", &atlas, &goals)?);
     let front = Front::new(gpu, atlas, morph_params(h, options), Some(phi), room)?;
     let sums = &device.zeroed("sums", morphs.len())?;
-    let starts = morphs.iter().enumerate().flat_map(|(q, m)| m.seeds.iter().map(move |s| (q, s.x)));
+    let starts = morphs.iter().map(|m| m.seeds.iter().map(|s| s.x));
     let particles = Particles::new(&front, starts, goal)?;
     let Front { params, jobs, band, work, phi, .. } = &front;
     let measure = Measure { jobs, band, work, phi, goal, sums }.bind(gpu);

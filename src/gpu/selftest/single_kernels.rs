@@ -265,8 +265,7 @@ impl Gpu {
     ) -> Result<Vec<Vec<crate::backend::jobs::Track>>> {
         let front = self.front(before, tubes, dt)?;
         let goal = front.atlas.send(&self.device, "goal", goal, 1.0)?;
-        let placed = starts.iter().enumerate().flat_map(|(q, xs)| xs.iter().map(move |x| (q, *x)));
-        let particles = Particles::new(&front, placed, &goal)?;
+        let particles = Particles::new(&front, starts.iter().map(|xs| xs.iter().copied()), &goal)?;
         self.record(|recorder| recorder.run(&particles.predict, particles.each()))?;
         front.replace_phi(&front.atlas.pack(after.iter(), 1.0));
         self.record(|recorder| recorder.run(&particles.correct, particles.each()))?;

@@ -16,6 +16,7 @@
 @group(0) @binding(6) var<storage, read_write> awake: array<atomic<u32>>;
 @group(0) @binding(7) var<storage, read> patches: array<Patch>;
 @group(0) @binding(8) var<storage, read_write> changes: array<atomic<u32>>;
+@group(0) @binding(9) var<storage, read_write> patches_mut: array<Patch>;
 
 const FAR: f32 = 1e30;
 const PATCH: u32 = 16u;
@@ -58,6 +59,37 @@ fn columns_of(q: u32) -> u32 {
 fn wake_at(q: u32, i: u32, j: u32) {
     // A tile's first patch number is kept in `first_copy`.
     atomicStore(&awake[jobs[q].first_copy + (j / PATCH) * columns_of(q) + i / PATCH], 2u);
+}
+
+// The patch of every number, in its colour's part of the list: `colour` is the second. Jobs keep how many patches there are before their tile in
+// `first_copy`, and how many of the first colour in `first_bin`.
+@compute @workgroup_size(lane_count)
+fn lay_patches(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let number = list_index(group, local);
+    if number >= colour.first + colour.count {
+        return;
+    }
+    // The last tile that begins no later.
+    var low = 0u;
+    var high = params.job_count;
+    for (var halving = countLeadingZeros(params.job_count); halving < 32u; halving++) {
+        let between = (low + high) / 2u;
+        if jobs[between].first_copy <= number {
+            low = between;
+        } else {
+            high = between;
+        }
+    }
+    let columns = columns_of(low);
+    let own = number - jobs[low].first_copy;
+    let row = own / columns;
+    let column = own % columns;
+    let second = (row + column) & 1u;
+    // Of its colour: in two rows as many as there are columns, in the first of them half, and half of what is before it in its own row.
+    let before = row / 2u * columns + (row & 1u) * ((columns + 1u - second) / 2u) + column / 2u;
+    let first = jobs[low].first_bin;
+    let place = select(first, colour.first + jobs[low].first_copy - first, second == 1u) + before;
+    patches_mut[place] = Patch(low, column, row, number);
 }
 
 // Start values: along each axis the linear crossing, both combined as `1 / d^2 = 1 / dx^2 + 1 / dy^2`; elsewhere FAR, or `limit` if there is

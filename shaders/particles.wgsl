@@ -5,6 +5,8 @@
 @group(0) @binding(2) var<storage, read> phi: array<f32>;
 @group(0) @binding(3) var<storage, read> goal: array<f32>;
 @group(0) @binding(4) var<storage, read_write> particles: array<Particle>;
+@group(0) @binding(5) var<storage, read> starts: array<vec2<f32>>;
+@group(0) @binding(6) var<storage, read> firsts: array<u32>;
 
 // What back-projections move a particle in all, px, until nothing is left of it: the front under it is gone and another piece drags it along.
 const LOST: f32 = 1.2;
@@ -44,6 +46,28 @@ fn lives(p: u32) -> bool {
 // What is left of a particle whose misfit has come so far: all up to a share of `gone`, nothing from there on.
 fn left(misfit: f32, gone: f32) -> f32 {
     return 1.0 - smoothstep(WHOLE * gone, gone, misfit);
+}
+
+// Particles where they start, job by job; `firsts` is the number of each job's first, and behind them that of all.
+@compute @workgroup_size(lane_count)
+fn begin(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let p = list_index(group, local);
+    if p >= firsts[params.job_count] {
+        return;
+    }
+    // The last job that begins no later.
+    var low = 0u;
+    var high = params.job_count;
+    for (var halving = countLeadingZeros(params.job_count); halving < 32u; halving++) {
+        let between = (low + high) / 2u;
+        if firsts[between] <= p {
+            low = between;
+        } else {
+            high = between;
+        }
+    }
+    let none = vec2<f32>(0.0);
+    particles[p] = Particle(starts[p], none, none, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, low);
 }
 
 // Predictor: an Euler step in the field before the front moves, `dx/dt = (phi(x) - phi_B(x)) n`.

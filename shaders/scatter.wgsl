@@ -11,16 +11,19 @@
 @group(0) @binding(7) var<storage, read_write> courses: array<vec4<f32>>;
 @group(0) @binding(8) var<storage, read_write> known: Known;
 @group(0) @binding(9) var<storage, read> slots: array<u32>;
+@group(0) @binding(10) var<storage, read_write> bins_mut: array<u32>;
 
 // Reach of the kernel `(1 - d / R)^2`, px.
 const RADIUS: f32 = 1.5;
 // What `at` says of pixels at a contour that are not known yet; NONE of those that are at no contour.
 const UNKNOWN: u32 = 0xfffffffeu;
 
+// Seeds come in the order of their bins, which are numbered over all jobs.
 struct Seed {
     course: vec4<f32>,
     x: vec2<f32>,
-    padding: vec2<f32>,
+    bin: u32,
+    padding: u32,
 }
 
 // For each band place the round in which it became known, behind the number of the round that is being filled.
@@ -30,6 +33,27 @@ struct Known {
     padding_b: u32,
     padding_c: u32,
     at: array<atomic<u32>>,
+}
+
+// Where each bin begins: at the first seed that lies in it or in a later one.
+@compute @workgroup_size(lane_count)
+fn lay_bins(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let bin = list_index(group, local);
+    if bin >= arrayLength(&bins_mut) {
+        return;
+    }
+    let count = arrayLength(&seeds);
+    var low = 0u;
+    var high = count;
+    for (var halving = countLeadingZeros(count); halving < 32u; halving++) {
+        let between = (low + high) / 2u;
+        if low < high && seeds[between].bin < bin {
+            low = between + 1u;
+        } else {
+            high = between;
+        }
+    }
+    bins_mut[bin] = low;
 }
 
 @compute @workgroup_size(lane_count)

@@ -95,9 +95,25 @@ impl<'d> Answers<'d> {
     ///
     /// # Errors
     /// The errors of [`Device::wait`].
-    pub fn wait(mut self) -> Result<Landed<'d>> {
+    pub fn wait(self) -> Result<Landed<'d>> {
+        self.device.wait_for(Some(self.work.clone()))?;
+        self.land()
+    }
+
+    /// Waits once for all of several pieces of work, each of which was sent off after the one before.
+    ///
+    /// # Errors
+    /// The errors of [`Device::wait`].
+    pub fn wait_for_all(all: Vec<Self>) -> Result<Vec<Landed<'d>>> {
+        if let Some(last) = all.last() {
+            last.device.wait_for(Some(last.work.clone()))?;
+        }
+        all.into_iter().map(Self::land).collect()
+    }
+
+    /// The values of work that is done.
+    fn land(mut self) -> Result<Landed<'d>> {
         let device = self.device;
-        device.wait_for(Some(self.work.clone()))?;
         let staging = self.staging.take();
         let failed = |why: String| failure(format!("{}: reading back {why}", device.summary.name));
         if let Some(staging) = staging.as_ref() {

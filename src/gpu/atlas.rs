@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::Gpu;
 use super::buffer::Buffer;
 use super::device::Device;
-use super::layout::{BLOCK, Job, PATCH, Patch};
+use super::layout::{BLOCK, Job, PATCH};
 use crate::error::{Error, Result};
 use crate::grid::field::{FAR, Field, VALUES_OF_A_THREAD};
 
@@ -111,20 +111,17 @@ impl Atlas {
         first..first + (job.nx * job.ny) as usize
     }
 
-    /// Patches of all tiles for the distance sweeps, those of either colour of a checkerboard; writes each tile's first patch number into
-    /// its job.
-    pub fn patches(&mut self) -> [Vec<Patch>; 2] {
-        let mut out = [Vec::new(), Vec::new()];
-        let mut number = 0;
-        for (q, job) in self.jobs.iter_mut().enumerate() {
-            job.first_copy = number;
-            let [columns, rows] = [job.nx, job.ny].map(|n| n.div_ceil(PATCH as u32));
-            for (row, column) in (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column))) {
-                out[(row + column) as usize % 2].push(Patch { job: q as u32, column, row, number });
-                number += 1;
-            }
+    /// Numbers of the patches of all tiles for the distance sweeps, of either colour of a checkerboard; writes into each job how many there are before
+    /// its tile, and of these how many of the first colour. The device lays out the patches themselves.
+    pub fn patches(&mut self) -> [usize; 2] {
+        let (mut all, mut first) = (0, 0);
+        for job in &mut self.jobs {
+            (job.first_copy, job.first_bin) = (all, first);
+            let own = job.nx.div_ceil(PATCH as u32) * job.ny.div_ceil(PATCH as u32);
+            all += own;
+            first += own.div_ceil(2);
         }
-        out
+        [first, all - first].map(|count| count as usize)
     }
 }
 
@@ -164,17 +161,27 @@ pub fn batches(shares: impl IntoIterator<Item = f64>) -> Vec<Range<usize>> {
     out
 }
 
-/// Results of jobs that take these shares of a machine, in order, `work` for each batch of them. Where there is no memory for a batch, it is done
-/// in halves, down to one job.
+/// Results of jobs that take these shares of a machine, in order, `work` for each batch of them, as [`in_ranges`] does it.
 ///
 /// # Errors
 /// The errors of `work`; [`Error::GpuMemory`] where there is none for a job alone.
 pub fn in_batches<R>(
     gpu: &Gpu,
     shares: impl IntoIterator<Item = f64>,
+    work: impl FnMut(Range<usize>) -> Result<Vec<R>>,
+) -> Result<Vec<R>> {
+    in_ranges(gpu, batches(shares), work)
+}
+
+/// Results of the jobs of all batches, in order, `work` for each batch. Where there is no memory for one, it is done in halves, down to one job.
+///
+/// # Errors
+/// The errors of `work`; [`Error::GpuMemory`] where there is none for a job alone.
+pub fn in_ranges<R>(
+    gpu: &Gpu,
+    mut open: Vec<Range<usize>>,
     mut work: impl FnMut(Range<usize>) -> Result<Vec<R>>,
 ) -> Result<Vec<R>> {
-    let mut open = batches(shares);
     open.reverse();
     let mut out = Vec::new();
     while let Some(batch) = open.pop() {

@@ -287,18 +287,22 @@ impl<'g> Front<'g> {
         Ok((wanted > self.capacity).then_some(wanted))
     }
 
-    /// Takes steps until no job runs: the jobs as they end, and the number that `beside` begins with. While the host reads one look the device works
-    /// on the steps of the next; steps after the end change nothing, as no job is on the lists any more.
+    /// Takes steps until no job runs, which are about `expected`: the jobs as they end, and the number that `beside` begins with. While the host reads
+    /// one look the device works on the steps of the next; steps after the end change nothing, as no job is on the lists any more.
     pub fn run(
         &self,
         mut recorder: Recorder<'g>,
         beside: Option<&Buffer<Values>>,
+        expected: usize,
         mut step: impl FnMut(&mut Recorder<'g>),
         check: impl Fn(&[Job]) -> Result<()>,
     ) -> Result<Room<(Vec<Job>, u32)>> {
         let mut ahead = None;
+        let first = self.gpu.device.made.guess.unwrap_or(expected.clamp(LOOK, MOST_EXPECTED));
         for look in 0.. {
-            for _ in 0..(FIRST_LOOK << (look / 2)).min(LAST_LOOK) {
+            // Those after the first are few, and more the longer it takes.
+            let steps = if look == 0 { first.max(1) } else { (LOOK << ((look - 1) / 2)).min(LAST_LOOK) };
+            for _ in 0..steps {
                 step(&mut recorder);
             }
             let jobs: Wanted<Job> = recorder.read(&self.jobs, 0, self.atlas.jobs.len());
@@ -322,9 +326,11 @@ impl<'g> Front<'g> {
     }
 }
 
-/// Steps before the first look, which double with every second one, and most steps between two looks.
-const FIRST_LOOK: usize = 16;
+/// Steps between two looks, which double with every second one, and most of them. Before the first there are at least as many.
+const LOOK: usize = 16;
 const LAST_LOOK: usize = 64;
+/// And at most so many: whoever expects more may have been told nonsense.
+const MOST_EXPECTED: usize = 256;
 
 /// Result of a try with limited room.
 pub enum Room<T> {

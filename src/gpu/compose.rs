@@ -9,7 +9,7 @@ use super::answers::Wanted;
 use super::atlas::{Atlas, in_batches, padded};
 use super::band::Front;
 use super::buffer::Buffer;
-use super::distance::{self, DistanceBuffers};
+use super::distance::{self, DistanceBuffers, Rounds, settled};
 use super::kernels::{Bound, shader};
 use super::layout::{Block, Copy, Hole, Item, Job, NONE, Params, Reached, VANISHED, Values};
 use super::moving::bounded;
@@ -102,6 +102,12 @@ impl Copies {
         &self.values
     }
 
+    /// Bytes of all that they are.
+    pub fn bytes(&self) -> usize {
+        let ends = self.ends.as_ref().map_or(0, |ends| ends.raw.bytes());
+        (self.copies.raw.bytes() + self.values.raw.bytes() + ends) as usize
+    }
+
     /// These copies with the states in which the jobs ended, and the contours that they went to.
     pub fn finished(self, states: Vec<Job>, ends: Buffer<[f32]>) -> Self {
         Copies { states, ends: Some(ends), ..self }
@@ -158,18 +164,23 @@ pub fn fill_slices(
     };
     let slices = in_batches(gpu, wanted.iter().map(share), |batch| {
         let batch = &wanted[batch];
-        let atlas = swept.atlas(batch);
-        let (recorder, blended) = swept.blend(gpu, batch, &atlas)?;
-        let mut slices = outwards(gpu, recorder, atlas, params, blended)?;
+        let mut slices = settled(|rounds| {
+            let atlas = swept.atlas(batch);
+            let (recorder, blended) = swept.blend(gpu, batch, &atlas)?;
+            outwards(gpu, recorder, atlas, (params, rounds), blended)
+        })?;
         // Most slices are whole. Those that are not are blended once more, mended as they were blended, and continued outwards.
         let lost = |&slot: &usize| is_broken(pairs[batch[slot].0], |pixel| slices[slot][pixel] >= 0.0);
         let broken: Vec<usize> = (0..batch.len()).filter(lost).collect();
         if !broken.is_empty() {
             let some: Vec<(usize, usize)> = broken.iter().map(|&slot| batch[slot]).collect();
             let (atlas, mended) = swept.mended(gpu, &some)?;
-            let recorder = Recorder::new(&gpu.device, &gpu.profiler);
-            let mended = gpu.device.upload("mended", &mended)?;
-            for (&slot, field) in broken.iter().zip(outwards(gpu, recorder, atlas, params, mended)?) {
+            let mended = settled(|rounds| {
+                let recorder = Recorder::new(&gpu.device, &gpu.profiler);
+                let mended = gpu.device.upload("mended", &mended)?;
+                outwards(gpu, recorder, atlas.clone(), (params, rounds), mended)
+            })?;
+            for (&slot, field) in broken.iter().zip(mended) {
                 slices[slot] = field;
             }
         }
@@ -257,16 +268,16 @@ impl SweptPairs<'_> {
     }
 }
 
-/// Fields that are right near their contours as soon as what is recorded is done, continued outwards as distances.
+/// Fields that are right near their contours as soon as what is recorded is done, continued outwards as distances; nothing where these have not settled.
 fn outwards<'g>(
     gpu: &'g Gpu,
     recorder: Recorder<'g>,
     atlas: Atlas,
-    params: Params,
+    (params, rounds): (Params, Rounds),
     u: Buffer<[f32]>,
-) -> Result<Vec<SparseImage<f32>>> {
+) -> Result<Option<Vec<SparseImage<f32>>>> {
     let tiles = DistanceBuffers::new(gpu, atlas, params, u)?;
-    let recorder = tiles.solve(recorder, true)?;
+    let recorder = tiles.solve(recorder, true, rounds)?;
     tiles.read(recorder, |values| {
         let slice = |(q, job): (usize, &Job)| {
             SparseImage::of([job.nx as usize, job.ny as usize], &values[tiles.atlas.nodes(q)])

@@ -10,7 +10,7 @@ use super::band::{
 };
 use super::blocks::blocks;
 use super::buffer::Buffer;
-use super::distance::DistanceBuffers;
+use super::distance::{DistanceBuffers, Rounds, settled, settled_by};
 use super::exact::exact_distance;
 use super::kernels::shader;
 use super::layout::{Block, Job, Params, Rule};
@@ -136,7 +136,7 @@ pub fn contour_fields(
         let fields = in_batches(gpu, open.iter().map(share), |batch| {
             let room = open[batch.clone()].iter().map(|&k| rooms[k]).sum::<usize>() + SPARE_PLACES;
             let batch: Vec<&SliceJob<'_>> = open[batch].iter().map(|&k| &slices[k]).collect();
-            let result = run(gpu, &batch, h, options, room)?;
+            let result = settled(|rounds| run(gpu, &batch, h, options, (room, rounds)))?;
             progress.advance(batch.len());
             Ok(result)
         })?;
@@ -176,8 +176,14 @@ fn width(options: ContourOptions) -> f64 {
     options.half_width + CONDITION_WIDER
 }
 
-/// Level sets of some slices, all of which are masks or none.
-fn run(gpu: &Gpu, slices: &[&SliceJob<'_>], h: [f64; 2], options: ContourOptions, room: usize) -> Result<Vec<Field>> {
+/// Level sets of some slices, all of which are masks or none; nothing where the distances have not settled.
+fn run(
+    gpu: &Gpu,
+    slices: &[&SliceJob<'_>],
+    h: [f64; 2],
+    options: ContourOptions,
+    (room, rounds): (usize, Rounds),
+) -> Result<Option<Vec<Field>>> {
     let (mut masks, mut levels): (Vec<&[bool]>, Vec<&Field>) = Default::default();
     for job in slices {
         match &*job.slice {
@@ -208,7 +214,7 @@ fn run(gpu: &Gpu, slices: &[&SliceJob<'_>], h: [f64; 2], options: ContourOptions
         }
     };
     let tiles = DistanceBuffers::new(gpu, atlas.clone(), params, source)?;
-    let mut recorder = tiles.solve(recorder, false)?;
+    let mut recorder = tiles.solve(recorder, false, rounds)?;
     if let Some(sides) = &sides {
         let exact = exact_distance(gpu, &mut recorder, &atlas, params, sides)?;
         let rule = &gpu.device.uniform("rule", rule(&[]));
@@ -343,7 +349,7 @@ fn restore_area(
 }
 
 /// Brings distances to the fixed point of the sweeps' own reinitialisation near their contours, and gives them the area of their masks back, if they
-/// have some.
+/// have some. Nothing where the distances have not settled.
 fn condition(
     gpu: &Gpu,
     tiles: &DistanceBuffers<'_>,
@@ -351,7 +357,7 @@ fn condition(
     options: ContourOptions,
     mask: Option<&Buffer<[f32]>>,
     room: usize,
-) -> Result<Room<Vec<Field>>> {
+) -> Result<Room<Option<Vec<Field>>>> {
     let device = &gpu.device;
     let nodes = tiles.atlas.node_count();
     let front = Front::new(gpu, tiles.atlas.clone(), params, None, room)?;
@@ -368,13 +374,16 @@ fn condition(
     if let Some(sides) = mask {
         restore_area(gpu, &mut recorder, &front, sides, &result)?;
     }
-    let look = front.look(&mut recorder);
+    let (look, changes) = (front.look(&mut recorder), tiles.ask(&mut recorder));
     let wanted: Wanted<f32> = recorder.read(&result, 0, nodes);
     let landed = recorder.submit()?.wait()?;
+    if !settled_by(&landed, &changes)? {
+        return Ok(Room::Enough(None));
+    }
     if let Some(wanted) = front.overflow(&landed, &look)? {
         return Ok(Room::Short(wanted));
     }
     let fields = landed.taken(&wanted, |values| tiles.atlas.unpack(values))?;
     gpu.keep_tiles(result, &tiles.atlas, &fields);
-    Ok(Room::Enough(fields))
+    Ok(Room::Enough(Some(fields)))
 }

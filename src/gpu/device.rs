@@ -45,6 +45,8 @@ pub struct Made {
     pub grants: Option<u64>,
     /// Values that a dispatch may read and write.
     pub work: Option<u64>,
+    /// What is guessed before the host knows it: rounds of distances, squares of a layer.
+    pub guess: Option<usize>,
 }
 
 /// Options for opening a device.

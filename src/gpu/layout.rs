@@ -276,7 +276,7 @@ mirrored!(
 
 mirrored!(
     /// A seed with its course (`scatter.wgsl`).
-    Seed { course: [f32; 4], x: [f32; 2], padding: [f32; 2], }
+    Seed { course: [f32; 4], x: [f32; 2], bin: u32, padding: u32, }
 );
 
 mirrored!(

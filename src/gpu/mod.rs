@@ -22,6 +22,7 @@ mod extend;
 mod fallback;
 mod hj_step;
 pub mod kernels;
+mod layer_steps;
 pub mod layout;
 mod morph_batches;
 mod morph_bodies;

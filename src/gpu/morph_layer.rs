@@ -4,11 +4,10 @@ use std::ops::Range;
 
 use super::Gpu;
 use super::answers::Wanted;
-use super::atlas::padded;
 use super::buffer::Buffer;
 use super::compose::SweptPairs;
-use super::distance;
 use super::kernels::{WORKGROUP, shader};
+use super::layer_steps::{FIELDS, GROUNDS};
 use super::layout::{BLOCK, Body, Image, Morph, Part, Span};
 use super::morph_bodies::Bodies;
 use super::morph_slices::{Origin, Slices};
@@ -16,15 +15,12 @@ use super::moving::{image, per_pixel, tile_count, vectors};
 use super::moving_layer::{lone_tiles, span};
 use super::packed_layers::{Packed, square_count};
 use super::recorder::{Recorder, Size};
-use super::trajectories::paths;
-use super::work;
+use super::trajectories::{paths, trajectories};
 use crate::backend::interval_morph::{IntervalMorph, MorphFrame};
 use crate::contour::direction::Direction;
 use crate::error::Result;
 use crate::grid::sparse_image::AREA;
 use crate::reference::morph_layer as twin;
-use crate::registration::displacement::BLOCK as STRIDE;
-use crate::registration::motion_field::MotionField;
 use crate::stack::heights::BESIDE;
 
 shader! {
@@ -107,38 +103,6 @@ shader! {
     }
 }
 
-/// Images of an interval's fields on the device: slices, slopes, and what the way to the frame loses.
-const FIELDS: usize = 6;
-/// Images of the ground: either contour, and the layer beside it.
-const GROUNDS: usize = 4;
-
-/// Share of the device that an interval keeps until its last layer is there.
-pub fn fixed_share(gpu: &Gpu, of: &IntervalMorph<'_>) -> f64 {
-    let Some(frame) = &of.frame else { return 0.0 };
-    let nodes: usize = of.image.padded().iter().product();
-    let caps: usize = of.solids.iter().map(|(cap, _)| cap.field.data.len()).sum();
-    let images = FIELDS * nodes + frame.part_pixels;
-    // Fields lie there twice when they are new.
-    let bytes = 4 * (images + 4 * nodes + GROUNDS * nodes + caps) + 32 * nodes / (STRIDE * STRIDE);
-    gpu.share(bytes, 4 * images)
-}
-
-/// Share of the device that a layer takes while it is made.
-pub fn layer_share(gpu: &Gpu, of: &IntervalMorph<'_>) -> f64 {
-    let slices: usize = of.pairs.iter().map(|(tile, _)| padded(tile.len())).sum();
-    let nodes: usize = of.image.padded().iter().product();
-    let squares: usize = square_count(of.image);
-    let blocks = if of.frame.is_some() { nodes / (STRIDE * STRIDE) } else { 0 };
-    // In the frame, at its place, packed and read back.
-    let bytes = slices * (distance::NODE_BYTES + 4) + 8 * nodes + squares * (8 * AREA + 16) + 24 * blocks;
-    let largest = (4 * slices).max(4 * squares * AREA).max(4 * nodes);
-    let share = gpu.share(bytes, largest).max(gpu.share_of_work(work::DISTANCE_PIXEL * slices));
-    // An interval's layers are warped in one dispatch.
-    let parts = of.frame.as_ref().map_or(0, |frame| frame.parts);
-    let warp = gpu.share_of_work((2 * work::LAYER_PIXEL + work::LONE_PART * parts) * nodes);
-    if warp * of.times.len() as f64 > 1.0 { share.max(warp) } else { share }
-}
-
 /// Layers beside the lower and the upper contour.
 pub fn beside(of: &IntervalMorph<'_>) -> [Option<usize>; 2] {
     [Direction::Up, Direction::Down].map(|from| twin::beside(&of.times, from))
@@ -152,20 +116,23 @@ pub struct Composing<'p, 'a> {
     pub first_pair: usize,
     /// Pixel sides, px.
     pub h: [f64; 2],
+    /// Squares of a layer that are guessed to have values.
+    pub squares: f64,
     /// What its layers share, from the first step on.
     pub ground: Option<Ground>,
 }
 
 /// What the layers of an interval in its frame share.
 pub struct Ground {
-    /// The moving frame without its fields, which are on the device.
-    moving: MotionField,
+    /// Nodes of the frame's displacements.
+    grid: [usize; 2],
     empty: [bool; 2],
     fields: Buffer<[f32]>,
     parts: Buffer<[Part]>,
     span: Buffer<Span>,
+    trajectories: Buffer<[[f32; 2]]>,
     /// Ways off the slices, and the particles.
-    behind: Vec<[f32; 2]>,
+    behind: Buffer<[[f32; 2]]>,
 }
 
 impl Composing<'_, '_> {
@@ -187,10 +154,9 @@ impl Composing<'_, '_> {
         let (device, of) = (&gpu.device, self.of);
         let (padded, count) = (of.image.padded(), layers.len());
         let nodes: usize = padded.iter().product();
-        let known = self.ground.as_ref().map(|ground| (&ground.moving, ground.empty));
-        let frame = begun.as_ref().map(|Begun { frame, .. }| (&frame.moving, frame.empty)).or(known);
-        let grid = frame.map_or([0; 2], |(moving, _)| moving.displacements[0].grid);
-        let empty = frame.map_or([true; 2], |(_, empty)| empty);
+        let known = self.ground.as_ref().map(|ground| (ground.grid, ground.empty));
+        let frame = begun.as_ref().map(|begun| (begun.grid(), begun.frame.empty)).or(known);
+        let (grid, empty) = frame.unwrap_or(([0; 2], [true; 2]));
         let begins = begun.is_some();
         let bodies = self.bodies(origin, layers, (slices, slot), begins);
         let images = count + if begins { GROUNDS } else { 0 };
@@ -241,8 +207,9 @@ impl Composing<'_, '_> {
             let pack = Pack { image, morph, dense, used, squares, packed: &values };
             recorder.run(&pack.bind(gpu), Size::List(tasks * WORKGROUP as usize));
         }
-        let (used, squares) = (recorder.read(used, 0, 1), recorder.read(squares, 0, tasks));
-        Ok((Packed { image: of.image, layers: count, used, squares, values }, ground))
+        let guess = gpu.device.made.guess.map_or(self.squares, |squares| squares as f64);
+        let guess = (count as f64 * guess) as usize;
+        Ok((Packed::new(recorder, (of.image, count), (used, squares), values, guess), ground))
     }
 
     /// Records that the layers united in the frame are brought to their places; where the interval begins also what the way there loses of its slices.
@@ -250,7 +217,7 @@ impl Composing<'_, '_> {
         &self,
         gpu: &Gpu,
         recorder: &mut Recorder<'_>,
-        Ground { moving, fields, parts, span, behind, .. }: &Ground,
+        &Ground { grid, ref fields, ref parts, ref span, ref trajectories, ref behind, .. }: &Ground,
         layers: &[usize],
         (seen, morph, image): (&Buffer<[u32]>, &Buffer<Morph>, &Buffer<Image>),
         begins: bool,
@@ -258,10 +225,10 @@ impl Composing<'_, '_> {
         let (device, of, count) = (&gpu.device, self.of, layers.len());
         let padded = of.image.padded();
         let nodes: usize = padded.iter().product();
-        let blocks: usize = moving.displacements[0].grid.iter().product();
+        let blocks: usize = grid.iter().product();
         // The ways from the layers, then those from the slices.
         let times: Vec<f64> = layers.iter().map(|k| of.times[*k]).chain([0.0, 1.0]).collect();
-        let vectors = &paths(gpu, recorder, (moving, 0, padded), &times, self.h, behind)?;
+        let vectors = &paths(gpu, recorder, trajectories, (grid, padded), &times, self.h, Some(behind))?;
         let middle = &device.storage("middle", times.len() * blocks)?;
         let find_middle = FindMiddle { image, vectors, morph, to_middle: middle };
         recorder.run(&find_middle.bind(gpu), Size::List(times.len() * blocks));
@@ -326,6 +293,10 @@ impl Begun {
         let behind = vectors(off.iter().chain([trust.particles()]));
         Begun { frame, behind }
     }
+
+    fn grid(&self) -> [usize; 2] {
+        self.frame.moving.displacements[0].grid
+    }
 }
 
 impl Ground {
@@ -351,9 +322,8 @@ impl Ground {
             gpu.place(recorder, image, (&fields, k * nodes))?;
         }
         let parts = device.upload("parts", &parts)?;
-        let MorphFrame { mut moving, empty, .. } = frame;
-        moving.fields.clear();
-        Ok(Ground { moving, empty, fields, parts, span, behind })
+        let (trajectories, behind) = (trajectories(gpu, moving, 0)?, device.upload("behind", &behind)?);
+        Ok(Ground { grid: moving.displacements[0].grid, empty: frame.empty, fields, parts, span, trajectories, behind })
     }
 }
 

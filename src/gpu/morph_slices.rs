@@ -1,10 +1,11 @@
 //! Slices of the groups that the layers of morphed intervals are composed of, on the device.
 
 use super::Gpu;
+use super::answers::{Landed, Wanted};
 use super::atlas::{Atlas, padded};
 use super::buffer::Buffer;
 use super::compose::SweptPairs;
-use super::distance::DistanceBuffers;
+use super::distance::{DistanceBuffers, Rounds, settled_by};
 use super::layout::BLOCK;
 use super::recorder::Recorder;
 use crate::backend::blend::is_broken;
@@ -37,15 +38,17 @@ pub struct Slices {
     atlas: Atlas,
     /// Their values, as the tiles lie.
     pub values: Buffer<[f32]>,
+    /// The answer to whether their distances still change; none of slices that the host has.
+    changes: Option<Wanted<u32>>,
 }
 
 impl Slices {
-    /// Records these slices: blended, mended where that is known to be needed, continued outwards.
+    /// Records these slices: blended, mended where that is known to be needed, continued outwards. The device begins with it at once.
     pub fn new<'g>(
         gpu: &'g Gpu,
         origin: &Origin<'_>,
         wanted: Vec<(usize, usize)>,
-        mended: Option<Mended<'_>>,
+        (mended, rounds): (Option<Mended<'_>>, Rounds),
     ) -> Result<(Recorder<'g>, Slices)> {
         let swept = match origin {
             Origin::Device(swept) if !wanted.is_empty() => swept,
@@ -64,9 +67,11 @@ impl Slices {
             }
         }
         let tiles = DistanceBuffers::new(gpu, atlas, swept.params, blended)?;
-        let recorder = tiles.solve(recorder, true)?;
+        tiles.solve(recorder, true, rounds)?.submit()?;
+        let mut recorder = Recorder::new(&gpu.device, &gpu.profiler);
+        let changes = Some(tiles.ask(&mut recorder));
         let DistanceBuffers { atlas, d: values, .. } = tiles;
-        Ok((recorder, Slices { wanted, atlas, values }))
+        Ok((recorder, Slices { wanted, atlas, values, changes }))
     }
 
     /// Slices that the host has.
@@ -79,12 +84,17 @@ impl Slices {
             values.resize(padded(values.len()), 0.0);
         }
         let values = gpu.device.upload("slices", &values)?;
-        Ok((Recorder::new(&gpu.device, &gpu.profiler), Slices { wanted, atlas, values }))
+        Ok((Recorder::new(&gpu.device, &gpu.profiler), Slices { wanted, atlas, values, changes: None }))
     }
 
     /// Place of a slice's first value.
     pub fn first(&self, slot: usize) -> u32 {
         self.atlas.jobs[slot].offset
+    }
+
+    /// Whether their distances have settled.
+    pub fn settled(&self, landed: &Landed<'_>) -> Result<bool> {
+        self.changes.as_ref().map_or(Ok(true), |changes| settled_by(landed, changes))
     }
 
     /// Slices that have lost an overlap, by the values at their anchors.

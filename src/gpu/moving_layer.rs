@@ -12,7 +12,7 @@ use super::layout::{Image, Part, Span, TILE};
 use super::moving::{bounded, image, tile_count};
 use super::recorder::{Recorder, Size};
 use super::resident::scaled;
-use super::trajectories::paths;
+use super::trajectories::{paths, trajectories};
 use super::work;
 use crate::backend::requests::LayerRequest;
 use crate::error::{Error, Result};
@@ -238,7 +238,8 @@ fn record(
 ) -> Result<[Buffer<[f32]>; 2]> {
     let device = &gpu.device;
     let (dims, grid) = (of.moving.fields[0].dims, of.moving.displacements[0].grid);
-    let vectors = &paths(gpu, recorder, (of.moving, of.interval, dims), times, of.h, &[])?;
+    let followed = &trajectories(gpu, of.moving, of.interval)?;
+    let vectors = &paths(gpu, recorder, followed, (grid, dims), times, of.h, None)?;
     let image = &device.uniform("image", image(dims, grid, of.h, times.len()));
     let table: Vec<f32> = times.iter().map(|t| *t as f32).collect();
     let table = &device.upload("times", &table)?;

@@ -14,6 +14,14 @@ use crate::error::Result;
 shader! {
     particles = "common/job.wgsl" + "common/field.wgsl" + "common/goal.wgsl" + twin "src/reference/particles.rs";
 
+    /// Particles where they start.
+    Begin for begin, "particles_begin" {
+        params: Uniform Params,
+        particles: Write [Particle],
+        starts: Read [[f32; 2]],
+        firsts: Read [u32],
+    }
+
     /// An Euler step before the front moves.
     Predict for predict, "particles_predict" {
         params: Uniform Params,
@@ -56,22 +64,32 @@ pub struct Particles<'g> {
 }
 
 impl<'g> Particles<'g> {
-    /// Particles at these pixels of their jobs' tiles, `(job, x)`, bound for `goal`.
-    pub fn new(front: &Front<'g>, starts: impl Iterator<Item = (usize, DVec2)>, goal: &Buffer<[f32]>) -> Result<Self> {
+    /// Particles at these pixels of the tiles of all jobs, job by job, bound for `goal`. The host sends their places alone.
+    pub fn new(
+        front: &Front<'g>,
+        jobs_starts: impl Iterator<Item = impl Iterator<Item = DVec2>>,
+        goal: &Buffer<[f32]>,
+    ) -> Result<Self> {
         let Front { gpu, params, jobs, phi, .. } = front;
-        let start = |(q, x): (usize, DVec2)| Particle {
-            x: x.as_vec2().into(),
-            kept: 1.0,
-            job: q as u32,
-            ..Particle::default()
-        };
-        let starts: Vec<Particle> = starts.map(start).collect();
+        let (mut starts, mut firsts): (Vec<[f32; 2]>, Vec<u32>) = Default::default();
+        for own in jobs_starts {
+            firsts.push(starts.len() as u32);
+            starts.extend(own.map(|x| x.as_vec2().to_array()));
+        }
+        let count = starts.len();
+        firsts.push(count as u32);
         // An array cannot be empty; a dead particle stands for none.
-        let none = [Particle::default()];
-        let buffer = gpu.device.upload("particles", if starts.is_empty() { &none[..] } else { &starts })?;
+        let buffer = match count {
+            0 => gpu.device.zeroed("particles", 1)?,
+            _ => gpu.device.storage("particles", count)?,
+        };
         let particles = &buffer;
+        if count > 0 {
+            let (starts, firsts) = (&gpu.device.upload("starts", &starts)?, &gpu.device.upload("firsts", &firsts)?);
+            gpu.device.run_before(&Begin { params, starts, firsts, particles }.bind(gpu), count)?;
+        }
         Ok(Particles {
-            count: starts.len(),
+            count,
             predict: Predict { params, jobs, phi, goal, particles }.bind(gpu),
             correct: Correct { params, jobs, phi, goal, particles }.bind(gpu),
             land: Land { params, jobs, phi, goal, particles }.bind(gpu),

@@ -127,8 +127,19 @@ const SWEEP_PLACE_BYTES: usize = PLACE_BYTES + 80;
 /// Share of the device that a sweep takes with its morphs, for one without.
 const WITH_MORPHS: f64 = 3.0;
 
-/// Room that the bands of a pair of sweeps take, and their share of the device.
-pub fn share(gpu: &Gpu, pair: &SweepPair<'_>, options: &MorphOptions) -> (usize, f64) {
+/// Size of a pair of sweeps.
+#[derive(Debug, Clone, Copy)]
+pub struct PairSize {
+    /// Edges between pixels that the longer one of its contours crosses.
+    pub edges: usize,
+    /// Room that their bands take.
+    pub room: usize,
+    /// Share of the device.
+    pub share: f64,
+}
+
+/// The size of a pair of sweeps.
+pub fn size(gpu: &Gpu, pair: &SweepPair<'_>, options: &MorphOptions) -> PairSize {
     let edges = crossings(&pair.up.source).max(crossings(&pair.up.goal));
     let room = 2 * places(edges, options.half_width, pair.up.source.data.len());
     let nodes = 2 * padded(pair.up.source.data.len());
@@ -137,7 +148,7 @@ pub fn share(gpu: &Gpu, pair: &SweepPair<'_>, options: &MorphOptions) -> (usize,
     let share = gpu.share(bytes, (4 * nodes).max(16 * room).max(copied[0]).max(copied[1]));
     // The morphs in between have sources and goals of their own.
     let share = if options.redistance > 0 { WITH_MORPHS * share } else { share };
-    (room, share.max(gpu.share_of_work(work::BAND_PLACE * room)))
+    PairSize { edges, room, share: share.max(gpu.share_of_work(work::BAND_PLACE * room)) }
 }
 
 /// All pairs of sweeps, batch by batch, and their slices.
@@ -148,9 +159,9 @@ pub fn propagate(
     options: &MorphOptions,
     progress: &dyn Progress,
 ) -> Result<Vec<Filled>> {
-    let shares: Vec<(usize, f64)> = pairs.par_iter().map(|pair| share(gpu, pair, options)).collect();
-    in_batches(gpu, shares.iter().map(|(_, share)| *share), |batch| {
-        let room = shares[batch.clone()].iter().map(|(room, _)| room).sum();
+    let sizes: Vec<PairSize> = pairs.par_iter().map(|pair| size(gpu, pair, options)).collect();
+    in_batches(gpu, sizes.iter().map(|size| size.share), |batch| {
+        let room = sizes[batch.clone()].iter().map(|size| size.room).sum();
         let batch = &pairs[batch];
         let swept = sweep(gpu, batch, h, options, room)?;
         let filled = fill_slices(gpu, batch, h, options, swept)?;
@@ -275,7 +286,10 @@ fn run(
         }
     };
     let run = match &remeasured {
-        None => front.run(recorder, Some(copies.pool()), |recorder| step(recorder, false), ends),
+        None => {
+            let expected = expected_steps(&sweeps, h, options);
+            front.run(recorder, Some(copies.pool()), expected, |recorder| step(recorder, false), ends)
+        }
         Some(remeasured) => {
             let sweeps = Sweeps { jobs: &sweeps, h, options, remeasured, holds: &turn };
             remeasure::run(&front, recorder, copies.pool(), &sweeps, step, ends)
@@ -304,6 +318,16 @@ struct Again<'b, 'g> {
     /// What it has measured.
     courses: &'b Courses<'g>,
 }
+
+/// Steps that the last of some sweeps needs, about: its fastest piece comes as far a step as the Courant number says.
+fn expected_steps(sweeps: &[&SweepJob<'_>], h: [f64; 2], options: &MorphOptions) -> usize {
+    let way = |sweep: &&SweepJob<'_>| sweep.courses.iter().map(|course| course[0].abs()).fold(0.0, f64::max);
+    let way = sweeps.par_iter().map(way).reduce(|| 0.0, f64::max);
+    (HASTE * way / (options.cfl * h[0].min(h[1]))) as usize
+}
+
+/// Steps of a sweep for each that its longest course at an even speed would take: pelvis 0.91, torso 1.14.
+const HASTE: f64 = 1.15;
 
 fn swept(s: &Job) -> Swept {
     Swept {

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::band::Front;
 use super::buffer::Buffer;
 use super::kernels::{Bound, shader};
-use super::layout::{Job, Known, Params, Seed, Work};
+use super::layout::{Job, Known, NONE, Params, Seed, Work};
 use super::recorder::{Recorder, Size};
 use crate::backend::jobs::SweepJob;
 use crate::error::Result;
@@ -16,6 +16,12 @@ use crate::reference::scatter::{FILL_ROUNDS, RADIUS};
 
 shader! {
     scatter = "common/job.wgsl" + "common/field.wgsl" + twin "src/reference/scatter.rs";
+
+    /// Where each bin begins.
+    LayBins for lay_bins, "scatter_bins" {
+        seeds: Read [Seed],
+        bins_mut: Write [u32],
+    }
 
     /// Means of the seeds near each pixel at the contour.
     Scatter for scatter, "scatter" {
@@ -56,10 +62,11 @@ pub struct Seeds<'g> {
 
 impl<'g> Seeds<'g> {
     /// Courses of a front from the result of [`place_seeds`].
-    pub fn new(front: &Front<'g>, (seeds, bins): (Vec<Seed>, Vec<u32>), courses: &Buffer<[[f32; 4]]>) -> Result<Self> {
+    pub fn new(front: &Front<'g>, (seeds, count): (Vec<Seed>, usize), courses: &Buffer<[[f32; 4]]>) -> Result<Self> {
         let Front { gpu, params, jobs, work, band, phi, slots, .. } = front;
-        let (seeds, bins) = (gpu.device.upload("seeds", &seeds)?, gpu.device.upload("bins", &bins)?);
-        let (seeds, bins, known) = (&seeds, &bins, &gpu.device.headed("known", front.capacity)?);
+        let (seeds, bins) = (&gpu.device.upload("seeds", &seeds)?, &gpu.device.storage("bins", count)?);
+        gpu.device.run_before(&LayBins { seeds, bins_mut: bins }.bind(gpu), count)?;
+        let known = &gpu.device.headed("known", front.capacity)?;
         Ok(Seeds {
             scatter: Scatter { params, jobs, work, band, phi, seeds, bins, courses, known }.bind(gpu),
             next_round: NextRound { known }.bind(gpu),
@@ -94,12 +101,9 @@ impl<'s> Valued<'s> {
     }
 }
 
-/// Seeds of all jobs sorted into bins of RADIUS px, and where each bin begins. The bins of a job hang on its tile alone.
-pub fn place_seeds<'s>(
-    slots: &mut [Job],
-    jobs: impl Iterator<Item = Valued<'s>>,
-    h: [f64; 2],
-) -> (Vec<Seed>, Vec<u32>) {
+/// Seeds of all jobs in the order of their bins of RADIUS px, and how many bins there are. The bins of a job hang on its tile alone; behind them
+/// one is empty, with which they end.
+pub fn place_seeds<'s>(slots: &mut [Job], jobs: impl Iterator<Item = Valued<'s>>, h: [f64; 2]) -> (Vec<Seed>, usize) {
     let placed = |job: &Valued<'_>| {
         let cells: [usize; 2] = std::array::from_fn(|a| (job.dims[a] as f64 * h[a] / RADIUS) as usize + 1);
         let bin = |x: &DVec2| {
@@ -108,31 +112,26 @@ pub fn place_seeds<'s>(
         };
         let mut order: Vec<(usize, usize)> = job.seeds.iter().enumerate().map(|(k, x)| (bin(x), k)).collect();
         order.sort_unstable();
-        let mut next = 0;
-        let mut begins = Vec::with_capacity(cells[0] * cells[1] + 1);
-        for b in 0..=cells[0] * cells[1] {
-            while next < order.len() && order[next].0 < b {
-                next += 1;
-            }
-            begins.push(next as u32);
-        }
-        let seed = |&(_, k): &(usize, usize)| Seed {
+        let seed = |&(bin, k): &(usize, usize)| Seed {
             course: job.values[k].map(|v| v as f32),
             x: job.seeds[k].as_vec2().into(),
-            padding: [0.0; 2],
+            bin: bin as u32,
+            padding: 0,
         };
-        (cells, order.iter().map(seed).collect::<Vec<Seed>>(), begins)
+        (cells, order.iter().map(seed).collect::<Vec<Seed>>())
     };
     let jobs: Vec<Valued<'s>> = jobs.collect();
     let placed: Vec<_> = jobs.par_iter().map(placed).collect();
-    let (mut seeds, mut bins) = (Vec::new(), Vec::new());
-    for (slot, (cells, own, begins)) in slots.iter_mut().zip(placed) {
-        (slot.first_bin, slot.bins_x, slot.bins_y) = (bins.len() as u32, cells[0] as u32, cells[1] as u32);
-        bins.extend(begins.into_iter().map(|next| seeds.len() as u32 + next));
-        seeds.extend(own);
+    let (mut seeds, mut bins) = (Vec::new(), 0);
+    for (slot, (cells, own)) in slots.iter_mut().zip(placed) {
+        let first = bins as u32;
+        (slot.first_bin, slot.bins_x, slot.bins_y) = (first, cells[0] as u32, cells[1] as u32);
+        seeds.extend(own.into_iter().map(|seed| Seed { bin: first + seed.bin, ..seed }));
+        bins += cells[0] * cells[1] + 1;
     }
+    // An array cannot be empty; one that lies in no bin stands for none.
     if seeds.is_empty() {
-        seeds.push(Seed::default());
+        seeds.push(Seed { bin: NONE, ..Seed::default() });
     }
     (seeds, bins)
 }

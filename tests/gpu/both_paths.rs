@@ -7,6 +7,7 @@ use crate::shapes::zoo::{N, zoo};
 use crate::shapes::*;
 use interslice::backend::requests::{LayerRequest, SlopeRequest};
 use interslice::evaluate::demo::demo;
+use interslice::gpu::device::Made;
 use interslice::gpu::{Gpu, GpuOptions, GpuOrReference};
 use interslice::grid::components::{label4, label8};
 use interslice::grid::field::Field;
@@ -216,6 +217,28 @@ fn neither_a_second_run_nor_small_batches_nor_lists_change_a_bit() {
         println!("{name}: {whole} submissions with all memory, {} with 6 MiB", tight.profile().submissions);
         assert!(tight.profile().submissions > whole, "{name}: there were several batches");
         assert!(first == in_batches, "{name}: batches change the result");
+    }
+}
+
+/// Rounds of distances, steps of fronts, squares of layers.
+#[test]
+fn guesses_that_are_too_small_change_no_bit() {
+    let (stack, morph) = fig9();
+    let field = by_field(morph.clone());
+    for (name, settings) in [("morph", morph), ("field", field)] {
+        let of = |guess| {
+            let made = Made { guess, ..Made::default() };
+            let gpu = open(&GpuOptions { made, poison: true, ..GpuOptions::default() });
+            let body = run(&gpu, &stack, &settings, None);
+            (bits(&body), gpu.device.used().waits)
+        };
+        let (right, waits) = of(None);
+        for guess in [0, 1, 3] {
+            let (body, more) = of(Some(guess));
+            println!("{name}: {waits} waits, {more} with a guess of {guess}");
+            assert!(more > waits, "{name}: a guess of {guess} is enough");
+            assert!(body == right, "{name}: a guess of {guess} changes the result");
+        }
     }
 }
 

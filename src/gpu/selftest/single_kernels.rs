@@ -11,7 +11,7 @@ use crate::gpu::Gpu;
 use crate::gpu::atlas::Atlas;
 use crate::gpu::band::Front;
 use crate::gpu::buffer::Buffer;
-use crate::gpu::distance::DistanceBuffers;
+use crate::gpu::distance::{DistanceBuffers, settled};
 use crate::gpu::extend::{Courses, Upwind};
 use crate::gpu::layout::Params;
 use crate::gpu::particles::Particles;
@@ -118,17 +118,19 @@ impl Gpu {
     /// # Errors
     /// [`crate::Error::Gpu`].
     pub fn distances(&self, u: &[Field], h: [f64; 2], reach: DistanceReach) -> Result<Vec<Field>> {
-        let atlas = Atlas::new(u.iter().map(|f| f.dims));
-        let values = atlas.send(&self.device, "level", u, 1.0)?;
         let limit = match reach {
             DistanceReach::Everywhere => 0.0,
             DistanceReach::Within(px) | DistanceReach::Beyond(px) => px as f32,
         };
         let params = Params { hx: h[0] as f32, hy: h[1] as f32, limit, ..Params::default() };
-        let tiles = DistanceBuffers::new(self, atlas, params, values)?;
-        let recorder = Recorder::new(&self.device, &self.profiler);
-        let recorder = tiles.solve(recorder, matches!(reach, DistanceReach::Beyond(_)))?;
-        tiles.read(recorder, |values| tiles.atlas.unpack(values))
+        settled(|rounds| {
+            let atlas = Atlas::new(u.iter().map(|f| f.dims));
+            let values = atlas.send(&self.device, "level", u, 1.0)?;
+            let tiles = DistanceBuffers::new(self, atlas, params, values)?;
+            let recorder = Recorder::new(&self.device, &self.profiler);
+            let recorder = tiles.solve(recorder, matches!(reach, DistanceReach::Beyond(_)), rounds)?;
+            tiles.read(recorder, |values| tiles.atlas.unpack(values))
+        })
     }
 
     /// Exact distances to the other side of the masks `u < 0`.
@@ -244,7 +246,8 @@ impl Gpu {
     /// [`crate::Error::Gpu`].
     pub fn paths(&self, moving: &MotionField, i: usize, times: &[f64], h: [f64; 2]) -> Result<Vec<Paths>> {
         let mut recorder = Recorder::new(&self.device, &self.profiler);
-        let paths = trajectories::paths(self, &mut recorder, (moving, i, moving.fields[i].dims), times, h, &[])?;
+        let (followed, grid) = (&trajectories::trajectories(self, moving, i)?, moving.displacements[i].grid);
+        let paths = trajectories::paths(self, &mut recorder, followed, (grid, moving.fields[i].dims), times, h, None)?;
         recorder.submit()?;
         let like = &moving.displacements[i];
         let vectors = self.device.read(&paths, 0, 2 * like.vectors.len() * times.len())?;
@@ -265,8 +268,7 @@ impl Gpu {
     ) -> Result<Vec<Vec<crate::backend::jobs::Track>>> {
         let front = self.front(before, tubes, dt)?;
         let goal = front.atlas.send(&self.device, "goal", goal, 1.0)?;
-        let placed = starts.iter().enumerate().flat_map(|(q, xs)| xs.iter().map(move |x| (q, *x)));
-        let particles = Particles::new(&front, placed, &goal)?;
+        let particles = Particles::new(&front, starts.iter().map(|xs| xs.iter().copied()), &goal)?;
         self.record(|recorder| recorder.run(&particles.predict, particles.each()))?;
         front.replace_phi(&front.atlas.pack(after.iter(), 1.0));
         self.record(|recorder| recorder.run(&particles.correct, particles.each()))?;

@@ -78,6 +78,9 @@ pub struct Levels<'a> {
     pub backend: &'a dyn Backend,
 }
 
+/// Pairs of what meets, in order.
+type Met = Vec<(u32, u32)>;
+
 /// A part with its holes told apart.
 struct Told {
     number: u32,
@@ -106,7 +109,9 @@ impl Levels<'_> {
     /// The errors of the backend.
     pub fn parts(&self) -> Result<Vec<EndPart>> {
         let own = &self.contours[0];
-        let mut told = self.told(0, &(1..=own.solids.count as u32).collect::<Vec<_>>())?;
+        let (all, solids_met) = self.told()?;
+        let mut all = all.into_iter();
+        let mut told = all.next().unwrap_or_default();
         // Of what lies beyond the border alone nothing is seen.
         told.retain(|part| part.area(0, self.known) > 0.0);
         let mut parts: Vec<EndPart> = told.par_iter().map(|part| self.part(part)).collect();
@@ -118,10 +123,10 @@ impl Levels<'_> {
         let mut traced: Vec<(usize, usize)> =
             parts.iter().enumerate().flat_map(|(p, part)| (0..part.holes.len()).map(move |k| (p, k))).collect();
         for (level, pair) in self.contours.windows(2).enumerate() {
-            let met = self.met(level, |a| pair[0].solids.labels[a], |b| pair[1].solids.labels[b]);
-            now.iter_mut().for_each(|of| *of = alone(of, &met));
+            now.iter_mut().for_each(|of| *of = alone(of, &solids_met[level]));
+            let mut told = all.next().unwrap_or_default();
             let numbers: Vec<u32> = now.iter().flatten().copied().collect();
-            let told = self.told(level + 1, &numbers)?;
+            told.retain(|part| numbers.contains(&part.number));
             let inner: BTreeMap<u32, &Told> = told.iter().map(|part| (part.number, part)).collect();
             let traced_on = parts.iter_mut().zip(&now).zip(&counts).filter(|((_, numbers), _)| !numbers.is_empty());
             let says = self.says[level + 1];
@@ -188,46 +193,57 @@ impl Levels<'_> {
         rows.fold(BTreeSet::new, row).reduce(BTreeSet::new, both).into_iter().collect()
     }
 
-    /// Some parts of a contour with their holes told apart, and the distances to all of their lines.
-    fn told(&self, level: usize, numbers: &[u32]) -> Result<Vec<Told>> {
-        let contour = &self.contours[level];
-        let nx = contour.phi.dims[0];
-        let part = |&number: &u32| {
-            let tile = contour.tile_of(&[number], self.margin);
-            let outside: Vec<bool> = tile.nodes(nx).map(|n| contour.solids.labels[n] != number).collect();
-            let background = label8(&outside, tile.dims);
-            let own = HoleTiles::of(&background, tile.dims, self.margin, samples(OUT as usize, self.h));
-            let Components { labels, count } = background;
-            // The margin is around every part: what the first pixel belongs to is the outside.
-            let around = labels[0];
-            let holes: Vec<u32> =
-                labels.iter().map(|&l| if l == around { 0 } else { l - u32::from(l > around) }).collect();
-            let count = count - 1;
-            let whole = tile.cut(&contour.phi);
-            let own: Vec<HoleTiles> = (1..own.len()).filter(|l| *l as u32 != around).map(|l| own[l]).collect();
-            let of_holes: Vec<PartJob> =
-                (1..).zip(&own).map(|(k, tiles)| tiles.job(&whole, |n| holes[n] == k)).collect();
-            let inside: Vec<bool> = labels.iter().map(|&l| l != around).collect();
-            let open = OpenPart::of(&inside, &tile, self.known);
-            let walled = open.is_none() && OpenPart::going_on(&inside, &tile, self.known).is_some();
-            let inside = open.as_ref().map(|open| open.opened(&inside)).unwrap_or(inside);
-            let filled = PartJob { whole, inside };
-            let tiles = std::iter::once(tile).chain(own.iter().map(|own| own.kept.placed(tile))).collect();
-            let jobs: Vec<PartJob> = std::iter::once(filled).chain(of_holes).collect();
-            (Told { number, tile, holes, count, tiles, fields: Vec::new(), walled }, (open, own), jobs)
-        };
-        let (mut told, jobs): (Vec<_>, Vec<_>) =
-            numbers.par_iter().map(part).map(|(told, own, jobs)| ((told, own), jobs)).unzip();
+    /// The parts of the end contour, and contour by contour those that they come to, with the distances to all of their lines, for which the backend is
+    /// asked once; and which parts of each contour meet those of the next one inward.
+    fn told(&self) -> Result<(Vec<Vec<Told>>, Vec<Met>)> {
+        let mut now: Vec<Vec<u32>> = (1..=self.contours[0].solids.count as u32).map(|number| vec![number]).collect();
+        let mut asked: Vec<(usize, u32)> = now.iter().flatten().map(|number| (0, *number)).collect();
+        let mut all_met = Vec::new();
+        for (level, pair) in self.contours.windows(2).enumerate() {
+            let met = self.met(level, |a| pair[0].solids.labels[a], |b| pair[1].solids.labels[b]);
+            now.iter_mut().for_each(|of| *of = alone(of, &met));
+            asked.extend(now.iter().flatten().map(|number| (level + 1, *number)));
+            all_met.push(met);
+        }
+        let (told, jobs): (Vec<_>, Vec<_>) = asked.par_iter().map(|&(level, number)| self.asked(level, number)).unzip();
         let jobs: Vec<PartJob> = jobs.into_iter().flatten().collect();
         let mut fields = self.backend.part_fields(&PartRequest { jobs: &jobs, h: self.h })?.into_iter();
-        for (part, (open, own)) in &mut told {
+        let mut all: Vec<Vec<Told>> = self.contours.iter().map(|_| Vec::new()).collect();
+        for ((level, _), (mut part, open, own)) in asked.into_iter().zip(told) {
             part.fields.extend(fields.next().map(|mut field| {
                 open.iter().for_each(|open| open.end(&mut field));
                 field
             }));
             part.fields.extend(own.iter().zip(&mut fields).map(|(own, answer)| own.of_answer(&answer)));
+            all[level].push(part);
         }
-        Ok(told.into_iter().map(|(part, _)| part).collect())
+        Ok((all, all_met))
+    }
+
+    /// A part of a contour with its holes told apart, and the question for the distances to its lines.
+    fn asked(&self, level: usize, number: u32) -> ((Told, Option<OpenPart>, Vec<HoleTiles>), Vec<PartJob>) {
+        let contour = &self.contours[level];
+        let nx = contour.phi.dims[0];
+        let tile = contour.tile_of(&[number], self.margin);
+        let outside: Vec<bool> = tile.nodes(nx).map(|n| contour.solids.labels[n] != number).collect();
+        let background = label8(&outside, tile.dims);
+        let own = HoleTiles::of(&background, tile.dims, self.margin, samples(OUT as usize, self.h));
+        let Components { labels, count } = background;
+        // The margin is around every part: what the first pixel belongs to is the outside.
+        let around = labels[0];
+        let holes: Vec<u32> = labels.iter().map(|&l| if l == around { 0 } else { l - u32::from(l > around) }).collect();
+        let count = count - 1;
+        let whole = tile.cut(&contour.phi);
+        let own: Vec<HoleTiles> = (1..own.len()).filter(|l| *l as u32 != around).map(|l| own[l]).collect();
+        let of_holes: Vec<PartJob> = (1..).zip(&own).map(|(k, tiles)| tiles.job(&whole, |n| holes[n] == k)).collect();
+        let inside: Vec<bool> = labels.iter().map(|&l| l != around).collect();
+        let open = OpenPart::of(&inside, &tile, self.known);
+        let walled = open.is_none() && OpenPart::going_on(&inside, &tile, self.known).is_some();
+        let inside = open.as_ref().map(|open| open.opened(&inside)).unwrap_or(inside);
+        let filled = PartJob { whole, inside };
+        let tiles = std::iter::once(tile).chain(own.iter().map(|own| own.kept.placed(tile))).collect();
+        let jobs: Vec<PartJob> = std::iter::once(filled).chain(of_holes).collect();
+        ((Told { number, tile, holes, count, tiles, fields: Vec::new(), walled }, open, own), jobs)
     }
 
     /// A part of the end contour.

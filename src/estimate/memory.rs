@@ -7,6 +7,7 @@ use crate::error::{Error, Result};
 use crate::estimate::coverage::{Drawn, differing, has_holes, parts};
 use crate::fairing::{GAPS_AT_ONCE, LARGE_AT_ONCE, SMALL};
 use crate::grid::tile::samples;
+use crate::pipeline::ends::end_parts::TOGETHER;
 use crate::pipeline::matching::{ASKED_BYTES, asked_bytes, kept_bytes};
 use crate::pipeline::{AHEAD, LAYER_BYTES_ON_A_GPU, tile_margin};
 use crate::settings::{Method, Motion, Settings};
@@ -30,6 +31,8 @@ const PER_SWEEP_PIXEL: f64 = 52.0;
 /// Bytes per padded pixel of slices with their holes filled, and of fields and slopes of what is hollow in the interval at hand. On slices of 480 x 480 px a gut
 /// and a leaning tube took 109 and 94 MiB without, where 97 and 82 were allowed.
 const PER_HOLLOW_PIXEL: f64 = 140.0;
+/// Bytes per padded pixel of the parts of a contour that says how the body ends.
+const PER_END_PIXEL_ASKED: f64 = 17.0;
 /// Bytes per padded pixel of every further layer that is made at once.
 const PER_LAYER_PIXEL: f64 = 20.0;
 /// Bytes per pixel of the image of the layer that is handed on, and of what its taker makes of it.
@@ -108,7 +111,8 @@ impl MemoryNeeds {
             true => stack.slices.par_iter().map(|s| parts(&s.content, stack.dims)).collect(),
             false => Vec::new(),
         };
-        // Those of the contours that say how the body ends are asked for one contour after the other, and known farther.
+        // Those of the contours that say how the body ends are asked for one contour after the other, those of several where they are small, and
+        // known farther.
         let margin = tile_margin(settings, h);
         let beyond_ends = [0, 1].map(|a| margin[a] + samples(OUT as usize, h)[a]);
         let at_ends = |parts: &[usize]| parts.iter().take(LOOKED_AT).max().copied().unwrap_or(0);
@@ -118,6 +122,8 @@ impl MemoryNeeds {
         let (parts, most_parts) = of_intervals.fold((0.0, 0.0), |(sum, most), n| (sum + n, f64::max(most, n)));
         let [asked, part] = [asked_bytes, kept_bytes].map(|bytes| bytes(margin) as f64);
         let ends = at_ends * (asked_bytes(beyond_ends) + 2 * kept_bytes(beyond_ends)) as f64;
+        let ends =
+            ends.max((padded * LOOKED_AT.min(stack.slices.len()) as f64 * PER_END_PIXEL_ASKED).min(TOGETHER as f64));
         let kept = slices * (padded * (PER_SLICE_PIXEL + moving) + groups) + parts * part;
         let asking = |together: f64| (most_parts * asked).max(together.min(parts * asked)).max(ends);
         // They close by caps, which have their own.

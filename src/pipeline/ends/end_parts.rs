@@ -1,6 +1,6 @@
 //! The parts of the first or last contour, and their areas in the contours next to it.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 
 use glam::DVec2;
@@ -78,6 +78,10 @@ pub struct Levels<'a> {
     pub backend: &'a dyn Backend,
 }
 
+/// Bytes of the parts whose distances are asked for together, but for those of one contour: the contour's distances, the part's pixels and the answer.
+pub(crate) const TOGETHER: usize = 16 << 20;
+const BYTES_OF_PIXEL: usize = 2 * size_of::<f64>() + size_of::<bool>();
+
 /// Pairs of what meets, in order.
 type Met = Vec<(u32, u32)>;
 
@@ -109,9 +113,9 @@ impl Levels<'_> {
     /// The errors of the backend.
     pub fn parts(&self) -> Result<Vec<EndPart>> {
         let own = &self.contours[0];
-        let (all, solids_met) = self.told()?;
-        let mut all = all.into_iter();
-        let mut told = all.next().unwrap_or_default();
+        let (asked, solids_met) = self.followed();
+        let mut known = VecDeque::new();
+        let mut told = self.told(0, &asked, &mut known)?;
         // Of what lies beyond the border alone nothing is seen.
         told.retain(|part| part.area(0, self.known) > 0.0);
         let mut parts: Vec<EndPart> = told.par_iter().map(|part| self.part(part)).collect();
@@ -124,7 +128,7 @@ impl Levels<'_> {
             parts.iter().enumerate().flat_map(|(p, part)| (0..part.holes.len()).map(move |k| (p, k))).collect();
         for (level, pair) in self.contours.windows(2).enumerate() {
             now.iter_mut().for_each(|of| *of = alone(of, &solids_met[level]));
-            let mut told = all.next().unwrap_or_default();
+            let mut told = self.told(level + 1, &asked, &mut known)?;
             let numbers: Vec<u32> = now.iter().flatten().copied().collect();
             told.retain(|part| numbers.contains(&part.number));
             let inner: BTreeMap<u32, &Told> = told.iter().map(|part| (part.number, part)).collect();
@@ -193,22 +197,49 @@ impl Levels<'_> {
         rows.fold(BTreeSet::new, row).reduce(BTreeSet::new, both).into_iter().collect()
     }
 
-    /// The parts of the end contour, and contour by contour those that they come to, with the distances to all of their lines, for which the backend is
-    /// asked once; and which parts of each contour meet those of the next one inward.
-    fn told(&self) -> Result<(Vec<Vec<Told>>, Vec<Met>)> {
+    /// The parts of the end contour, and contour by contour those that they come to; and which parts of each contour meet those of the next one inward.
+    fn followed(&self) -> (Vec<Vec<u32>>, Vec<Met>) {
         let mut now: Vec<Vec<u32>> = (1..=self.contours[0].solids.count as u32).map(|number| vec![number]).collect();
-        let mut asked: Vec<(usize, u32)> = now.iter().flatten().map(|number| (0, *number)).collect();
+        let mut followed = vec![now.iter().flatten().copied().collect()];
         let mut all_met = Vec::new();
         for (level, pair) in self.contours.windows(2).enumerate() {
             let met = self.met(level, |a| pair[0].solids.labels[a], |b| pair[1].solids.labels[b]);
             now.iter_mut().for_each(|of| *of = alone(of, &met));
-            asked.extend(now.iter().flatten().map(|number| (level + 1, *number)));
+            followed.push(now.iter().flatten().copied().collect());
             all_met.push(met);
         }
-        let (told, jobs): (Vec<_>, Vec<_>) = asked.par_iter().map(|&(level, number)| self.asked(level, number)).unzip();
+        (followed, all_met)
+    }
+
+    /// The parts `followed` on contour `level` with the distances to all of their lines. The backend is asked for those of some contours together, which are
+    /// `known` then.
+    fn told(&self, level: usize, followed: &[Vec<u32>], known: &mut VecDeque<Vec<Told>>) -> Result<Vec<Told>> {
+        if known.is_empty() {
+            let bytes = |level: usize| -> usize {
+                let pixels =
+                    |number: &u32| self.contours[level].tile_of(&[*number], self.margin).dims.iter().product::<usize>();
+                followed[level].iter().map(pixels).sum::<usize>() * BYTES_OF_PIXEL
+            };
+            let mut sum = bytes(level);
+            let more = (level + 1..followed.len()).take_while(|more| {
+                sum += bytes(*more);
+                sum <= TOGETHER
+            });
+            let end = level + 1 + more.count();
+            known.extend(self.told_together(&followed[level..end], level)?);
+        }
+        Ok(known.pop_front().unwrap_or_default())
+    }
+
+    /// Parts of the contours from number `first` on.
+    fn told_together(&self, followed: &[Vec<u32>], first: usize) -> Result<Vec<Vec<Told>>> {
+        let of_level = |(level, numbers): (usize, &Vec<u32>)| numbers.iter().map(|number| (level, *number)).collect();
+        let asked: Vec<(usize, u32)> = followed.iter().enumerate().flat_map::<Vec<_>, _>(of_level).collect();
+        let (told, jobs): (Vec<_>, Vec<_>) =
+            asked.par_iter().map(|&(level, number)| self.asked(first + level, number)).unzip();
         let jobs: Vec<PartJob> = jobs.into_iter().flatten().collect();
         let mut fields = self.backend.part_fields(&PartRequest { jobs: &jobs, h: self.h })?.into_iter();
-        let mut all: Vec<Vec<Told>> = self.contours.iter().map(|_| Vec::new()).collect();
+        let mut all: Vec<Vec<Told>> = followed.iter().map(|_| Vec::new()).collect();
         for ((level, _), (mut part, open, own)) in asked.into_iter().zip(told) {
             part.fields.extend(fields.next().map(|mut field| {
                 open.iter().for_each(|open| open.end(&mut field));
@@ -217,7 +248,7 @@ impl Levels<'_> {
             part.fields.extend(own.iter().zip(&mut fields).map(|(own, answer)| own.of_answer(&answer)));
             all[level].push(part);
         }
-        Ok((all, all_met))
+        Ok(all)
     }
 
     /// A part of a contour with its holes told apart, and the question for the distances to its lines.

@@ -122,7 +122,7 @@ fn run(
 fn expected_steps(morphs: &[TraceJob<'_>], h: [f64; 2], options: &MorphOptions) -> usize {
     let way = |morph: &TraceJob<'_>| morph.seeds.iter().map(|seed| morph.goal.sample(seed.x).abs()).fold(0.0, f64::max);
     let way = morphs.par_iter().map(way).reduce(|| 0.0, f64::max);
-    (DETOUR * way / (options.cfl * h[0].min(h[1]))) as usize + LAST_STEPS
+    ((DETOUR * way / (options.cfl * h[0].min(h[1]))) as usize).saturating_add(LAST_STEPS)
 }
 
 /// Steps of a morph for each that the straight way at full speed would take (pelvis 1.09, torso 1.22), and those near its goal.

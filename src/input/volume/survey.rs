@@ -23,7 +23,7 @@ pub struct Survey {
     pub labels: BTreeMap<i64, u64>,
     /// For each label and axis the first and last slice on which it is.
     pub extents: BTreeMap<i64, [[usize; 2]; 3]>,
-    /// For each label and axis the slices on which it is; nothing where one label is wanted, or there are more than [`MEMBERS`].
+    /// For each label and axis the slices on which it is; nothing where one label is wanted, or there are more than some hundreds.
     pub slices: BTreeMap<i64, [Vec<bool>; 3]>,
     /// Whether there are more labels than were told apart.
     pub more: bool,

@@ -236,7 +236,8 @@ mod tests {
             for (axis, step) in [DVec2::X, DVec2::Y].into_iter().enumerate() {
                 let rise = field.sample_smooth(x + STEP * step) - field.sample_smooth(x - STEP * step);
                 let off = rise / (2.0 * STEP * h[axis]) - gradient[axis];
-                assert!(off.abs() < 1e-6, "{x}, axis {axis}: {off}");
+                // At a pixel the curvature jumps.
+                assert!(off.abs() < 1e-5, "{x}, axis {axis}: {off}");
             }
         }
     }

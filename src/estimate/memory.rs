@@ -111,7 +111,7 @@ impl MemoryNeeds {
             true => stack.slices.par_iter().map(|s| parts(&s.content, stack.dims)).collect(),
             false => Vec::new(),
         };
-        // Those of the contours that say how the body ends are asked for one contour after the other, those of several where they are small, and
+        // Those of the contours that say how the body ends are asked for one contour after the other, where there is memory those of several, and
         // known farther.
         let margin = tile_margin(settings, h);
         let beyond_ends = [0, 1].map(|a| margin[a] + samples(OUT as usize, h)[a]);
@@ -122,8 +122,8 @@ impl MemoryNeeds {
         let (parts, most_parts) = of_intervals.fold((0.0, 0.0), |(sum, most), n| (sum + n, f64::max(most, n)));
         let [asked, part] = [asked_bytes, kept_bytes].map(|bytes| bytes(margin) as f64);
         let ends = at_ends * (asked_bytes(beyond_ends) + 2 * kept_bytes(beyond_ends)) as f64;
-        let ends =
-            ends.max((padded * LOOKED_AT.min(stack.slices.len()) as f64 * PER_END_PIXEL_ASKED).min(TOGETHER as f64));
+        let ends_together =
+            (padded * LOOKED_AT.min(stack.slices.len()) as f64 * PER_END_PIXEL_ASKED).min(TOGETHER as f64);
         let kept = slices * (padded * (PER_SLICE_PIXEL + moving) + groups) + parts * part;
         let asking = |together: f64| (most_parts * asked).max(together.min(parts * asked)).max(ends);
         // They close by caps, which have their own.
@@ -138,7 +138,7 @@ impl MemoryNeeds {
             + all_drawn.edges as f64 * PER_CONTOUR_EDGE
             + waiting(WAITING_GAPS + more_gaps)
             + handed_over
-            + asking(ASKED_BYTES as f64).max(caps(2.0 * threads))
+            + asking(ASKED_BYTES as f64).max(ends_together).max(caps(2.0 * threads))
             + image * PER_IMAGE_PIXEL
             + hollow
             + (at_once * padded * PER_LAYER_PIXEL).max(threads * padded * 2.0 * PER_LAYER_PIXEL);

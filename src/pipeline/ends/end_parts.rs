@@ -76,9 +76,11 @@ pub struct Levels<'a> {
     pub seen: &'a Seen,
     /// Backend that computes distances.
     pub backend: &'a dyn Backend,
+    /// Bytes of the parts whose distances are asked for together, but for those of one contour: see [`TOGETHER`].
+    pub together: usize,
 }
 
-/// Bytes of the parts whose distances are asked for together, but for those of one contour: the contour's distances, the part's pixels and the answer.
+/// Bytes of the parts whose distances are asked for together where memory is not bounded: the contour's distances, the part's pixels and the answer.
 pub(crate) const TOGETHER: usize = 16 << 20;
 const BYTES_OF_PIXEL: usize = 2 * size_of::<f64>() + size_of::<bool>();
 
@@ -223,7 +225,7 @@ impl Levels<'_> {
             let mut sum = bytes(level);
             let more = (level + 1..followed.len()).take_while(|more| {
                 sum += bytes(*more);
-                sum <= TOGETHER
+                sum <= self.together
             });
             let end = level + 1 + more.count();
             known.extend(self.told_together(&followed[level..end], level)?);

@@ -12,7 +12,7 @@ use crate::error::Result;
 use crate::grid::field::{Field, covered};
 use crate::grid::tile::Tile;
 use crate::pipeline::ends::end_caps::{End, EndSpec, end};
-use crate::pipeline::ends::end_parts::{EndPart, Levels};
+use crate::pipeline::ends::end_parts::{EndPart, Levels, TOGETHER};
 use crate::pipeline::fit::Fitted;
 use crate::registration::motion_stack::MotionStack;
 use crate::report::{BodyEnd, CapReport, EndReport, Report};
@@ -70,6 +70,7 @@ pub(super) fn end_matter<'a>(
             known: &run.known,
             seen: &run.seen,
             backend: run.backend,
+            together: if run.budget.is_bounded() { 0 } else { TOGETHER },
         };
         let gap = z.get(1).map_or(0.0, |inner| (inner - z[0]).abs());
         Ok(EndMatter {

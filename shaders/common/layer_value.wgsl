@@ -8,9 +8,8 @@
 @group(0) @binding(4) var<storage, read> times: array<f32>;
 @group(0) @binding(5) var<storage, read> parts: array<Part>;
 
-// Shares of `4 t^2 (1 - t)^2 |A - B|` taken off of what is no relief, and more where A and B do not rise the same way.
-const SHRINKING: f32 = 0.1;
-const SHRINKING_UNLIKE: f32 = 0.3;
+// Share of `4 t^2 (1 - t)^2 |A - B|` taken off of what is no relief.
+const SHRINKING: f32 = 0.2;
 // At its tip a part is gone, whichever way the height was rounded.
 const AT_TIP: f32 = 1.0 - 1e-6;
 
@@ -84,31 +83,17 @@ fn catmull_rom(f: f32) -> vec4<f32> {
     );
 }
 
-// Their derivatives by the place.
-fn catmull_rom_slope(f: f32) -> vec4<f32> {
-    return vec4<f32>(
-        (-1.5 * f + 2.0) * f - 0.5,
-        (4.5 * f - 5.0) * f,
-        (-4.5 * f + 4.0) * f + 0.5,
-        (1.5 * f - 1.0) * f
-    );
-}
-
-// Catmull-Rom value of the image that begins at `first`, and its gradient.
-fn sample_smooth(first: u32, ij: vec2<i32>, offset: vec2<f32>) -> vec3<f32> {
+// Catmull-Rom value of the image that begins at `first`.
+fn sample_smooth(first: u32, ij: vec2<i32>, offset: vec2<f32>) -> f32 {
     let c = cell_of(dims(), ij, offset, 1);
     let wx = catmull_rom(c.place.x);
     let wy = catmull_rom(c.place.y);
-    let dx = catmull_rom_slope(c.place.x);
-    let dy = catmull_rom_slope(c.place.y);
-    var sum = vec3<f32>(0.0);
+    var sum = 0.0;
     for (var row = 0u; row < 4u; row++) {
         let k = first + c.node + row * image.nx - image.nx - 1u;
-        let values = vec4<f32>(fields[k], fields[k + 1u], fields[k + 2u], fields[k + 3u]);
-        let along = dot(wx, values);
-        sum += vec3<f32>(wy[row] * along, wy[row] * dot(dx, values), dy[row] * along);
+        sum += wy[row] * dot(wx, vec4<f32>(fields[k], fields[k + 1u], fields[k + 2u], fields[k + 3u]));
     }
-    return vec3<f32>(sum.x, sum.yz / vec2<f32>(image.hx, image.hy));
+    return sum;
 }
 
 // What a part's distance has grown by at time `t`: the twin is `Cap::offset` in src/contour/caps.rs.
@@ -144,17 +129,12 @@ fn value_at(p: vec3<u32>) -> f32 {
     let ij = vec2<i32>(p.xy);
     let nodes = image.nx * image.ny;
     let ends = ends_of(p.z, ij, vec2<f32>(0.0));
-    let low = sample_smooth(0u, ij, ends.low);
-    let high = sample_smooth(nodes, ij, ends.high);
-    let v = vec2<f32>(low.x, high.x);
-    // How far the mean of both is from a distance.
-    let unlike = clamp(1.0 - dot(low.yz, high.yz), 0.0, 1.0);
+    let v = vec2<f32>(sample_smooth(0u, ij, ends.low), sample_smooth(nodes, ij, ends.high));
     let m = vec2<f32>(sample(2u * nodes, dims(), ij, ends.low), sample(3u * nodes, dims(), ij, ends.high));
     let t = times[p.z];
     let bulge = t * (1.0 - t);
     let apart = abs(v.x - v.y);
-    let share = SHRINKING + SHRINKING_UNLIKE * unlike;
-    let shrinking = share * (1.0 - span.relief) * 4.0 * bulge * bulge * apart;
+    let shrinking = SHRINKING * (1.0 - span.relief) * 4.0 * bulge * bulge * apart;
     var value = hermite_values(v, m, t);
     // Only where there is room above the lesser end.
     let room = max(value - min(v.x, v.y), 0.0);

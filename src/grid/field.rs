@@ -66,13 +66,6 @@ impl Field {
         sample_smooth(&self.data, self.dims, x)
     }
 
-    /// [`Field::sample_smooth`], and its gradient where pixels have the sides `h`.
-    #[inline(always)]
-    pub fn sample_smooth_gradient(&self, x: DVec2, h: [f64; 2]) -> (f64, DVec2) {
-        let (v, slope) = sample_smooth_gradient(&self.data, self.dims, x);
-        (v, slope / DVec2::from(h))
-    }
-
     /// Unit normal `grad / |grad|` at `x`: bilinear mean of the central differences at the four pixels around, zero where the
     /// gradient vanishes.
     pub fn normal(&self, x: DVec2, h: [f64; 2]) -> DVec2 {
@@ -142,24 +135,6 @@ pub fn sample_smooth<T: Copy + Into<f64>>(a: &[T], dims: [usize; 2], x: DVec2) -
     wx[0] * columns[0] + wx[1] * columns[1] + wx[2] * columns[2] + wx[3] * columns[3]
 }
 
-/// Value of [`sample_smooth`], and its derivative along both axes, per pixel.
-#[inline(always)]
-pub fn sample_smooth_gradient<T: Copy + Into<f64>>(a: &[T], dims: [usize; 2], x: DVec2) -> (f64, DVec2) {
-    let ([i, j], [fx, fy]) = cell(dims, x, 1);
-    let (nx, node) = (dims[0], j * dims[0] + i);
-    let [wx, wy, dx, dy] = [catmull_rom(fx), catmull_rom(fy), catmull_rom_slope(fx), catmull_rom_slope(fy)];
-    let (mut columns, mut rising) = ([0.0; 4], [0.0; 4]);
-    for (row, (w, d)) in wy.iter().zip(&dy).enumerate() {
-        let values = &a[node + row * nx - nx - 1..][..4];
-        for (k, v) in values.iter().enumerate() {
-            columns[k] += w * (*v).into();
-            rising[k] += d * (*v).into();
-        }
-    }
-    let along_row = |w: &[f64; 4], c: &[f64; 4]| w[0] * c[0] + w[1] * c[1] + w[2] * c[2] + w[3] * c[3];
-    (along_row(&wx, &columns), DVec2::new(along_row(&dx, &columns), along_row(&wx, &rising)))
-}
-
 /// Lower corner of the cell around `x`, kept `rim` pixels off the edge of the tile, and the place in it.
 #[inline(always)]
 pub fn cell(dims: [usize; 2], x: DVec2, rim: usize) -> ([usize; 2], [f64; 2]) {
@@ -179,12 +154,6 @@ pub fn cell(dims: [usize; 2], x: DVec2, rim: usize) -> ([usize; 2], [f64; 2]) {
 #[inline(always)]
 pub fn bilinear([a, b, c, d]: [f64; 4], [fx, fy]: [f64; 2]) -> f64 {
     (1.0 - fy) * ((1.0 - fx) * a + fx * b) + fy * ((1.0 - fx) * c + fx * d)
-}
-
-/// Derivatives of the weights of [`catmull_rom`] by the place.
-#[inline(always)]
-fn catmull_rom_slope(f: f64) -> [f64; 4] {
-    [(-1.5 * f + 2.0) * f - 0.5, (4.5 * f - 5.0) * f, (-4.5 * f + 4.0) * f + 0.5, (1.5 * f - 1.0) * f]
 }
 
 /// Weights of four values in a row at place `f` between the middle two (Catmull and Rom 1974).
@@ -224,23 +193,6 @@ pub fn covered(phi: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_smooth_gradient_is_the_difference_of_smooth_values() {
-        const STEP: f64 = 1e-5;
-        let h = [1.0, 0.25];
-        let field = Field::from_fn([12, 9], |i, j| libm::hypot(i as f64 - 5.3, h[1] * (j as f64 - 4.1)) - 2.0);
-        for x in [[2.2, 3.9], [5.0, 4.0], [7.6, 1.5], [9.99, 6.01]].map(DVec2::from) {
-            let (value, gradient) = field.sample_smooth_gradient(x, h);
-            assert_eq!(value, field.sample_smooth(x));
-            for (axis, step) in [DVec2::X, DVec2::Y].into_iter().enumerate() {
-                let rise = field.sample_smooth(x + STEP * step) - field.sample_smooth(x - STEP * step);
-                let off = rise / (2.0 * STEP * h[axis]) - gradient[axis];
-                // At a pixel the curvature jumps.
-                assert!(off.abs() < 1e-5, "{x}, axis {axis}: {off}");
-            }
-        }
-    }
 
     #[test]
     fn a_normal_is_the_unit_gradient_wherever_it_is_read() {

@@ -9,7 +9,7 @@ use crate::grid::field::Field;
 use crate::grid::sparse_image::{SQUARE, SparseImage};
 use crate::registration::cells::{CELL, cells_of_square, probed, probes};
 use crate::registration::lone_parts::{LoneParts, closing};
-use crate::registration::value_curve::{between, unlike};
+use crate::registration::value_curve::between;
 
 /// Distance from a cell's middle at which its pixels may read, px: distances change by a pixel per pixel, and the frame by less than half of that.
 pub fn reach(h: [f64; 2]) -> f64 {
@@ -24,16 +24,8 @@ pub fn layer(request: &LayerRequest<'_>, k: usize) -> SparseImage<f32> {
     let (low, high) = (&moving.fields[i], &moving.fields[i + 1]);
     let dims = low.dims;
     let slopes = slopes.map(|field| &**field);
-    let curves = Curves {
-        fields: [low, high],
-        slopes,
-        empty: lone.empty,
-        gap: moving.gap(i),
-        relief: moving.relief,
-        t,
-        limit,
-        h,
-    };
+    let curves =
+        Curves { fields: [low, high], slopes, empty: lone.empty, gap: moving.gap(i), relief: moving.relief, t, limit };
     let ends = |x: DVec2| (x - paths.come.at(x), x + paths.go.at(x));
     let (reach, around) = (reach(h), self::reach([1.0; 2]));
     let [out] = SparseImage::of_squares(dims, |square, [out]| {
@@ -81,8 +73,6 @@ struct Curves<'a> {
     relief: f64,
     t: f64,
     limit: f64,
-    /// Pixel sides.
-    h: [f64; 2],
 }
 
 /// The lone parts of either slice that a cell's pixels may read.
@@ -106,12 +96,11 @@ impl Curves<'_> {
     /// Value on the trajectory between a position of the lower and one of the upper slice.
     #[inline(always)]
     fn value(&self, parts: &Parts<'_>, (from, to): (DVec2, DVec2)) -> f64 {
-        let (a, rises) = self.fields[0].sample_smooth_gradient(from, self.h);
-        let (b, ends) = self.fields[1].sample_smooth_gradient(to, self.h);
+        let (a, b) = (self.fields[0].sample_smooth(from), self.fields[1].sample_smooth(to));
         let m = [self.gap * self.slopes[0].sample(from), self.gap * self.slopes[1].sample(to)];
         let joined = match self.empty {
             true => self.limit,
-            false => between([a, b], m, unlike([rises, ends]), self.relief, self.t),
+            false => between([a, b], m, self.relief, self.t),
         };
         let low = closing(&parts.low, from, a, self.t, joined);
         closing(&parts.high, to, b, 1.0 - self.t, low).clamp(-self.limit, self.limit)

@@ -34,9 +34,8 @@ const ALL_ROUNDS: f64 = 2e-4;
 const PATHS: f64 = 5e-5;
 /// Distances of up to 300 px in single precision, read where vectors off by as much as they may be point to; px per gap.
 const SLOPES: f64 = 3e-4;
-/// Same values, whatever they are clamped to, and a part of what both contours lie apart that hangs on their gradients: 6e-5 px are seen where this is 70 px, and
-/// 3.6e-4 px where it is 200 px.
-const LAYERS: f64 = 1e-3;
+/// Same values, whatever they are clamped to.
+const LAYERS: f64 = 2e-4;
 /// Distances count up to here, px.
 const LIMIT: f64 = 8.0;
 /// Pixels around lone parts, and times the scale around those that no slice has: what they would change beyond does not count.

@@ -5,13 +5,21 @@
 //! pixels' edges in the layer lead to, so that all labels together stay what they are, and none where it touches no other.
 //!
 //! A slice stays as it is for the labels that are known on it. Others are interpolated across it, and float on it as anywhere.
+//!
+//! The nodes of all slices say first what crumbs float, so that a layer does not depend on which others are asked for: a part of one between two of them is
+//! held where it meets a part of theirs that is. Only what still floats among the layers that there are, and beyond the outermost slices, where there are
+//! no nodes, goes by these: by those that writers get where they are dense, else by the nodes among them, too.
 
 use super::decide::Rank;
 use super::kept::{KeptBody, LayerPatch};
+use crate::connectivity::grounded::{held_by, whole};
 use crate::connectivity::runs::{DisjointSets, Runs, Side};
 use crate::error::Result;
 use crate::grid::sparse_image::SparseImage;
 use crate::grid::tile::Tile;
+
+/// Layers are dense between two slices of a label where no two are farther apart than such a share of these.
+const DENSE: f64 = 1.0 / 3.0;
 
 /// What a piece is given to may float itself: that is looked at again, so many times.
 const ROUNDS: usize = 8;
@@ -20,6 +28,10 @@ const ROUNDS: usize = 8;
 pub(super) struct DecidedStep {
     /// Height.
     pub z: f64,
+    /// Whether it is a node of all slices, or one of these.
+    pub node: bool,
+    /// Whether writers get it.
+    pub shown: bool,
     /// For each label whether it is known here, on a drawn slice: nothing of it comes or goes.
     pub known: Vec<bool>,
 }
@@ -41,6 +53,15 @@ pub(super) struct GivenAway {
     pub floating: Vec<Option<usize>>,
 }
 
+/// Layers that say what hangs together.
+#[derive(Clone, Copy, PartialEq)]
+enum Holding {
+    /// Nodes, whatever the other layers are, and crumbs alone.
+    Nodes,
+    /// Those that there are, and all that floats.
+    Layers,
+}
+
 /// What floats of a label.
 struct InTheAir {
     /// Parts of its layers that did not float alone: the step, and the pixels.
@@ -58,6 +79,20 @@ impl FloatingPieces<'_> {
         decided: &mut [KeptBody],
     ) -> Result<GivenAway> {
         let mut given = GivenAway { pixels: 0, floating: vec![None; changed.len()] };
+        for holding in [Holding::Nodes, Holding::Layers] {
+            self.give_away_by(holding, changed, alone, decided, &mut given)?;
+        }
+        Ok(given)
+    }
+
+    fn give_away_by(
+        &self,
+        holding: Holding,
+        changed: &mut [bool],
+        alone: &mut [KeptBody],
+        decided: &mut [KeptBody],
+        given: &mut GivenAway,
+    ) -> Result<()> {
         let mut open = changed.to_vec();
         // What one is given another may lose again: the order is that of the labels, whatever their numbers.
         let mut order: Vec<usize> = (0..changed.len()).collect();
@@ -66,7 +101,7 @@ impl FloatingPieces<'_> {
         for round in 0..=ROUNDS {
             let mut taken = vec![false; changed.len()];
             for &a in order.iter().filter(|a| open[**a]) {
-                let InTheAir { parts, pieces } = self.floating(a, &mut alone[a], &mut decided[a])?;
+                let InTheAir { parts, pieces } = self.floating(a, holding, &mut alone[a], &mut decided[a])?;
                 given.floating[a] = Some(pieces);
                 for (k, pixels) in parts.into_iter().filter(|_| round < ROUNDS) {
                     given.pixels += pixels.len() as u64;
@@ -81,11 +116,11 @@ impl FloatingPieces<'_> {
                 break;
             }
         }
-        Ok(given)
+        Ok(())
     }
 
     /// What floats of label `a`.
-    fn floating(&self, a: usize, alone: &mut KeptBody, decided: &mut KeptBody) -> Result<InTheAir> {
+    fn floating(&self, a: usize, holding: Holding, alone: &mut KeptBody, decided: &mut KeptBody) -> Result<InTheAir> {
         let tiles = alone.tiles().chain(decided.tiles()).filter(|tile| !tile.is_empty());
         let tile = tiles.reduce(Tile::joined).unwrap_or(Tile { origin: [0; 2], dims: [1; 2] });
         let (mut before, mut after) = (Vec::new(), Vec::new());
@@ -94,7 +129,9 @@ impl FloatingPieces<'_> {
             after.push(runs(tile, &decided.patch(k)?));
         }
         let contour: Vec<bool> = (0..self.steps.len()).map(|k| decided.contour_of(k).is_some()).collect();
-        let [(held, _), (holds, pieces)] = [&before, &after].map(|layers| held_of(layers, &contour));
+        let looked_at = self.looked_at(holding, &contour);
+        let [(held, _), (holds, pieces)] =
+            [&before, &after].map(|layers| held_among(layers, &looked_at, &contour, holding));
         let mut parts = Vec::new();
         for (k, runs) in after.iter().enumerate().filter(|(k, _)| !self.steps[*k].known[a]) {
             let mut stays = holds[k].clone();
@@ -107,6 +144,26 @@ impl FloatingPieces<'_> {
             }
         }
         Ok(InTheAir { parts, pieces })
+    }
+
+    /// Which steps say what hangs together, of a label whose `contour`s these are.
+    fn looked_at(&self, holding: Holding, contour: &[bool]) -> Vec<usize> {
+        let steps = 0..self.steps.len();
+        if holding == Holding::Nodes {
+            return steps.filter(|k| self.steps[*k].node).collect();
+        }
+        let mut looked_at: Vec<bool> = self.steps.iter().map(|step| step.shown).collect();
+        let contours: Vec<usize> = steps.clone().filter(|k| contour[*k]).collect();
+        for pair in contours.windows(2) {
+            let [low, high] = [pair[0], pair[1]].map(|k| self.steps[k].z);
+            let shown: Vec<f64> =
+                (pair[0]..=pair[1]).filter(|k| self.steps[*k].shown).map(|k| self.steps[k].z).collect();
+            let is_dense = shown.windows(2).all(|pair| pair[1] - pair[0] <= DENSE * (high - low) + self.same);
+            if !is_dense {
+                looked_at[pair[0]..=pair[1]].fill(true);
+            }
+        }
+        steps.filter(|k| looked_at[*k]).collect()
     }
 
     /// Gives pixels of label `a` on layer `k` to the label that most of their edges lead to; returns that label.
@@ -151,24 +208,45 @@ fn runs(tile: Tile, patch: &LayerPatch) -> Runs {
     Runs::new(&SparseImage::of(tile.dims, &phi), Side::Inside)
 }
 
-/// Which parts of the layers hang together with a layer that is a contour, and how many pieces do not.
-fn held_of(layers: &[Runs], contour: &[bool]) -> (Vec<Vec<bool>>, usize) {
+/// Which parts of the layers hang together with one that is a `contour`, as those say that are `looked_at`, or are let be; how many pieces do not. Beyond
+/// these all do, and where nodes say it what is more than a crumb, or hangs together with that.
+fn held_among(layers: &[Runs], looked_at: &[usize], contour: &[bool], holding: Holding) -> (Vec<Vec<bool>>, usize) {
+    let runs: Vec<&Runs> = looked_at.iter().map(|&k| &layers[k]).collect();
+    let by_nodes = holding == Holding::Nodes;
+    let of = |&k: &usize| match (contour[k], by_nodes) {
+        (true, _) => vec![true; layers[k].count],
+        (false, true) => whole(&layers[k]),
+        (false, false) => vec![false; layers[k].count],
+    };
+    let (of_looked_at, pieces) = held_of(&runs, &looked_at.iter().map(of).collect::<Vec<_>>());
+    let mut held: Vec<Vec<bool>> = layers.iter().map(|runs| vec![true; runs.count]).collect();
+    for (n, pair) in looked_at.windows(2).enumerate().filter(|_| by_nodes) {
+        let around = [n, n + 1].map(|n| (runs[n], &of_looked_at[n][..]));
+        for k in pair[0] + 1..pair[1] {
+            let touching = held_by(&layers[k], around, 0, Side::Inside);
+            held[k] = touching.into_iter().zip(whole(&layers[k])).map(|(held, whole)| held || whole).collect();
+        }
+    }
+    looked_at.iter().zip(of_looked_at).for_each(|(&k, of_one)| held[k] = of_one);
+    (held, pieces)
+}
+
+/// Which parts of layers hang together with one of those that are `ground`, and how many pieces do not.
+fn held_of(layers: &[&Runs], ground: &[Vec<bool>]) -> (Vec<Vec<bool>>, usize) {
     let mut first = vec![0];
     layers.iter().for_each(|runs| first.push(first[first.len() - 1] + runs.count));
     // The last thing is the ground.
     let all = first[layers.len()];
     let mut joined = DisjointSets::new(all + 1);
     for (k, runs) in layers.iter().enumerate() {
-        if contour[k] {
-            (0..runs.count).for_each(|part| joined.join(first[k] + part, all));
-        }
+        (0..runs.count).filter(|part| ground[k][*part]).for_each(|part| joined.join(first[k] + part, all));
         if let Some(above) = layers.get(k + 1) {
             runs.meeting(above, |a, b| joined.join(first[k] + a, first[k + 1] + b));
         }
     }
     let ground = joined.root(all);
     let pieces = (0..all).filter(|&part| joined.root(part) == part && part != ground).count();
-    let of = |(k, runs): (usize, &Runs)| (0..runs.count).map(|part| joined.root(first[k] + part) == ground).collect();
+    let of = |(k, runs): (usize, &&Runs)| (0..runs.count).map(|part| joined.root(first[k] + part) == ground).collect();
     (layers.iter().enumerate().map(of).collect(), pieces)
 }
 
@@ -188,14 +266,14 @@ mod tests {
             let phi = (0..N * N).map(|n| if inside(k, [n % N, n / N]) { -0.5 } else { 0.5 }).collect();
             let contour = (k != 1).then_some(k / 2);
             let layer = Layer { z: k as f64, phi: SparseImage::default(), output: true, contour };
-            body.push(&layer, &LayerPatch { origin: [0; 2], dims: [N; 2], phi })?;
+            body.push(&layer, false, &LayerPatch { origin: [0; 2], dims: [N; 2], phi })?;
         }
         Ok(body)
     }
 
-    /// The outer ones of three steps are drawn slices of every label.
+    /// The outer ones of three steps are drawn slices of every label, all are nodes.
     fn steps() -> [DecidedStep; 3] {
-        [0, 1, 2].map(|k| DecidedStep { z: f64::from(k), known: vec![k != 1; 2] })
+        [0, 1, 2].map(|k| DecidedStep { z: f64::from(k), node: true, shown: true, known: vec![k != 1; 2] })
     }
 
     /// Pixels inside on the middle layer.

@@ -18,6 +18,8 @@ struct Place {
     z: f64,
     output: bool,
     contour: Option<usize>,
+    /// Whether it is there for the decision alone, and no writer's.
+    hidden: bool,
     patch: [usize; 4],
     offset: u64,
 }
@@ -111,9 +113,30 @@ impl KeptBody {
         Ok(KeptBody { file, folder, far, layers, bytes: 0, dims, origin, part: dims, report, header: None })
     }
 
-    /// Heights of the layers, increasing, and whether each is an output layer.
-    pub(super) fn heights(&self) -> impl Iterator<Item = (f64, bool)> + '_ {
-        self.layers.iter().map(|p| (p.z, p.output))
+    /// Heights of the layers that writers get, increasing.
+    pub(super) fn shown(&self) -> impl Iterator<Item = f64> + '_ {
+        self.layers.iter().filter(|p| !p.hidden).map(|p| p.z)
+    }
+
+    /// Says which layers writers get, of a body that was made at more heights: those nearest to the `output` heights, within so much of them, are its
+    /// output; of all others that were asked for between its contours, from the first to the last, those that are `shown` stay.
+    pub(super) fn hide_all_but(&mut self, output: &[f64], shown: &[f64], contours: [f64; 2], within: f64) {
+        let mut is_output = vec![false; self.layers.len()];
+        for &z in output {
+            let above = self.layers.partition_point(|p| p.z < z);
+            let beside =
+                (above.saturating_sub(1)..self.layers.len().min(above + 1)).map(|k| (k, (self.layers[k].z - z).abs()));
+            let nearest = beside.filter(|(_, off)| *off <= within).min_by(|a, b| a.1.total_cmp(&b.1));
+            nearest.into_iter().for_each(|(k, _)| is_output[k] = true);
+        }
+        for (place, output) in self.layers.iter_mut().zip(is_output) {
+            let between = place.z > contours[0] && place.z < contours[1];
+            let stays = output || !place.output || place.contour.is_some() || !between;
+            place.hidden = !stays && !shown.iter().any(|z| (z - place.z).abs() <= within);
+            place.output = output;
+        }
+        let output: Vec<f64> = self.layers.iter().filter(|p| p.output).map(|p| p.z).collect();
+        self.header.iter_mut().for_each(|header| header.grid = Header::grid(&output, header.spacing));
     }
 
     /// The values of layer `k`.
@@ -141,11 +164,11 @@ impl KeptBody {
         }
     }
 
-    /// Adds a layer; its values are those of the patch.
-    pub(super) fn push(&mut self, layer: &Layer, patch: &LayerPatch) -> Result<()> {
+    /// Adds a layer, `hidden` from writers or not; its values are those of the patch.
+    pub(super) fn push(&mut self, layer: &Layer, hidden: bool, patch: &LayerPatch) -> Result<()> {
         let [[i, j], [width, height]] = [patch.origin, patch.dims];
         let Layer { z, output, contour, .. } = *layer;
-        self.layers.push(Place { z, output, contour, patch: [i, j, width, height], offset: self.bytes });
+        self.layers.push(Place { z, output, contour, hidden, patch: [i, j, width, height], offset: self.bytes });
         self.write(self.bytes, patch)?;
         self.bytes += 4 * (width * height) as u64;
         Ok(())
@@ -183,17 +206,18 @@ impl KeptBody {
     pub(super) fn end_where_it_is(&mut self) -> Result<()> {
         let Some([low, high]) = self.header.as_ref().map(|header| header.extent) else { return Ok(()) };
         let mut extent = [low, high];
-        let below = self.layers.partition_point(|p| p.z < low);
-        let above = self.layers.partition_point(|p| p.z <= high);
-        for k in 0..below {
-            if self.patch(k)?.phi.iter().any(|v| *v < 0.0) {
-                extent[0] = self.layers[k.saturating_sub(1)].z;
+        let shown: Vec<usize> = (0..self.layers.len()).filter(|k| !self.layers[*k].hidden).collect();
+        let below = shown.partition_point(|k| self.layers[*k].z < low);
+        let above = shown.partition_point(|k| self.layers[*k].z <= high);
+        for n in 0..below {
+            if self.patch(shown[n])?.phi.iter().any(|v| *v < 0.0) {
+                extent[0] = self.layers[shown[n.saturating_sub(1)]].z;
                 break;
             }
         }
-        for k in (above..self.layers.len()).rev() {
-            if self.patch(k)?.phi.iter().any(|v| *v < 0.0) {
-                extent[1] = self.layers[(k + 1).min(self.layers.len() - 1)].z;
+        for n in (above..shown.len()).rev() {
+            if self.patch(shown[n])?.phi.iter().any(|v| *v < 0.0) {
+                extent[1] = self.layers[shown[(n + 1).min(shown.len() - 1)]].z;
                 break;
             }
         }
@@ -209,14 +233,14 @@ impl KeptBody {
         phi
     }
 
-    /// Hands all layers to `sink`.
+    /// Hands all layers that are not hidden to `sink`.
     ///
     /// # Errors
     /// The errors of `sink`; [`Error::Write`] for the temporary file.
     pub fn replay(&mut self, sink: &mut dyn LayerSink) -> Result<()> {
         let Some(header) = &self.header else { return Ok(()) };
         sink.begin(header)?;
-        for k in 0..self.layers.len() {
+        for k in (0..self.layers.len()).filter(|k| !self.layers[*k].hidden).collect::<Vec<_>>() {
             let patch = self.patch(k)?;
             let phi = SparseImage::of(self.dims, &self.whole(&patch));
             let Place { z, output, contour, .. } = self.layers[k];
@@ -238,7 +262,7 @@ impl LayerSink for KeptBody {
     fn layer(&mut self, layer: Layer) -> Result<()> {
         let mut patch = crop(&layer.dense(), self.part, self.far);
         (0..2).for_each(|a| patch.origin[a] += self.origin[a]);
-        self.push(&layer, &patch)
+        self.push(&layer, false, &patch)
     }
 }
 
@@ -271,7 +295,7 @@ mod tests {
         let patches = [([4, 6], [3, 2], -2.0), ([6, 5], [2, 4], 1.0), ([0; 2], [0; 2], 0.0), ([0; 2], [0; 2], 0.0)];
         for (k, (origin, dims, value)) in patches.into_iter().enumerate() {
             let layer = Layer { z: k as f64, phi: SparseImage::default(), output: true, contour: None };
-            body.push(&layer, &LayerPatch { origin, dims, phi: vec![value; dims[0] * dims[1]] })?;
+            body.push(&layer, false, &LayerPatch { origin, dims, phi: vec![value; dims[0] * dims[1]] })?;
         }
         let mut between = |z: f64| Ok(body.at(z, 1e-9)?.expect("it lies within the body"));
         for k in 1..64 {

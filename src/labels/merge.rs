@@ -9,7 +9,7 @@ use super::ended::{EndingLabels, GoesOn, HeightBetween, depth};
 use super::floating::{DecidedStep, FloatingPieces};
 use super::given::Given;
 use super::kept::{KeptBody, LayerPatch};
-use super::piece::{LabelPiece, pieces, unions};
+use super::piece::{LabelPiece, asked, pieces, same_height, unions};
 use super::report::Borders;
 use super::stack::{LabelPair, LabelStack};
 use crate::backend::Means;
@@ -18,7 +18,7 @@ use crate::grid::sparse_image::SparseImage;
 use crate::reconstruct::reconstruct_into;
 use crate::settings::Settings;
 use crate::stack::ContourStack;
-use crate::stack::heights::SAME;
+use crate::stack::heights::{SAME, nodes};
 use crate::surface::Layer;
 use crate::surface::header::Header;
 use crate::surface::stream::LayerSink;
@@ -82,7 +82,8 @@ impl DecidedLabels {
 pub fn reconstruct(stack: &LabelStack, unite: bool, plan: &Plan<'_>, means: &Means<'_>) -> Result<Bodies> {
     stack.validate()?;
     let far = plan.settings.margin() as f32 * pixel(&stack.stack);
-    let budget = |part: &LabelPiece| part.needs(plan.heights, plan.settings).budget(plan.beside, plan.memory);
+    let asked = asked(stack, unite, plan.heights);
+    let budget = |part: &LabelPiece| part.needs(&asked, plan.settings).budget(plan.beside, plan.memory);
     let groups = unions(stack, unite);
     // What does not fit is found before the work.
     pieces(stack, unite, &groups).try_for_each(|part| budget(&part).map(|_| ()))?;
@@ -95,7 +96,12 @@ pub fn reconstruct(stack: &LabelStack, unite: bool, plan: &Plan<'_>, means: &Mea
             (Error::Stack(m), [a]) => Error::Stack(format!("label {}: {m}", stack.labels[*a])),
             (e, _) => e,
         };
-        let body = reconstruct_into(&part.stack, plan.heights, plan.settings, &means, &mut kept).map_err(named)?;
+        let body = reconstruct_into(&part.stack, &asked, plan.settings, &means, &mut kept).map_err(named)?;
+        if unite {
+            let z: Vec<f64> = part.stack.slices.iter().map(|slice| slice.z).collect();
+            let within = SAME * z.windows(2).map(|w| w[1] - w[0]).fold(0.0, f64::max);
+            kept.hide_all_but(plan.heights, &part.shown(plan.heights), [z[0], z[z.len() - 1]], within);
+        }
         kept.report = body.report;
         kept.report.dims = stack.stack.dims;
         Ok(kept)
@@ -120,8 +126,7 @@ pub fn decide(
     let (count, px) = (stack.labels.len(), pixel(&stack.stack));
     let far = plan.settings.margin() as f32 * px;
     let reach = LabelReach { far, fill: far - px, near: NEAR * px, crack: CRACK * px };
-    let gaps = slices.windows(2).map(|w| w[1].z - w[0].z);
-    let same = SAME * gaps.fold(f64::INFINITY, f64::min);
+    let same = same_height(stack);
     let groups: Vec<Vec<usize>> = bodies.unions.iter().map(|(members, _)| members.clone()).collect();
     let ending = EndingLabels::of(stack, &groups);
     let steps = Steps::new(stack, plan.heights, &bodies, same);
@@ -237,7 +242,8 @@ pub fn decide(
         for (a, body) in decided.bodies.iter_mut().enumerate() {
             decided.changed[a] |= parted.changed[a];
             let contour = bodies.alone[a].contour(z, same);
-            body.push(&Layer { z, phi: SparseImage::default(), output: step.output, contour }, &parted.fields[a])?;
+            let layer = Layer { z, phi: SparseImage::default(), output: step.output, contour };
+            body.push(&layer, !step.shown, &parted.fields[a])?;
         }
         if step.output {
             decided.borders.overlap_voxels += parted.overlap;
@@ -249,8 +255,8 @@ pub fn decide(
         return Err(Error::Numerics { stage: "labels", message });
     }
     let known = |step: &Step| stack.given.iter().map(|given| step.slice.is_some_and(|k| given.knows(k))).collect();
-    let decided_steps: Vec<DecidedStep> =
-        steps.all.iter().map(|step| DecidedStep { z: step.z, known: known(step) }).collect();
+    let of = |step: &Step| DecidedStep { z: step.z, node: step.node, shown: step.shown, known: known(step) };
+    let decided_steps: Vec<DecidedStep> = steps.all.iter().map(of).collect();
     let floating = FloatingPieces { dims, steps: &decided_steps, same, ranks: &ranks };
     let given = floating.give_away(&mut decided.changed, &mut bodies.alone, &mut decided.bodies)?;
     decided.borders.floating_pixels = given.pixels;
@@ -324,11 +330,23 @@ fn pixel(stack: &ContourStack) -> f32 {
 struct Step {
     z: f64,
     output: bool,
+    /// Whether it is a node of all slices, or one of these.
+    node: bool,
+    /// Whether writers get it, of a label that others change.
+    shown: bool,
     /// The drawn slice at this height.
     slice: Option<usize>,
     touching: BTreeSet<LabelPair>,
     /// Labels that touch on one of the slices around.
     parting: BTreeSet<LabelPair>,
+}
+
+/// What there is at a height.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum StepOf {
+    Node,
+    Output,
+    Label,
 }
 
 #[derive(Debug)]
@@ -337,21 +355,23 @@ struct Steps {
 }
 
 impl Steps {
-    /// Every height at which there is an output layer, a drawn slice or a layer of some label.
+    /// Every height at which there is an output layer, a drawn slice, a node of all slices or a layer of some label.
     fn new(stack: &LabelStack, output: &[f64], bodies: &Bodies, same: f64) -> Self {
         let slices: Vec<f64> = stack.stack.slices.iter().map(|s| s.z).collect();
-        let mut heights: Vec<(f64, bool)> = slices.iter().map(|&z| (z, false)).collect();
-        heights.extend(output.iter().map(|&z| (z, true)));
-        heights.extend(bodies.alone.iter().flat_map(|b| b.heights().map(|(z, _)| (z, false))));
+        let mut heights: Vec<(f64, StepOf)> = nodes(&slices).into_iter().map(|z| (z, StepOf::Node)).collect();
+        heights.extend(output.iter().map(|&z| (z, StepOf::Output)));
+        heights.extend(bodies.alone.iter().flat_map(|body| body.shown().map(|z| (z, StepOf::Label))));
         heights.sort_by(|a, b| a.0.total_cmp(&b.0));
         let contacts = stack.contacts();
-        let at = |group: &[(f64, bool)]| {
+        let at = |group: &[(f64, StepOf)]| {
             let z = group[0].0;
             let above = slices.partition_point(|s| *s < z - same);
             let slice = slices.get(above).filter(|s| **s <= z + same).map(|_| above);
             let [touching, parting] = contacts.around(above, slice);
             let z = slice.map_or(z, |k| slices[k]);
-            Step { z, output: group.iter().any(|g| g.1), slice, touching, parting }
+            let has = |of: StepOf| group.iter().any(|(_, step)| *step == of);
+            let shown = slice.is_some() || has(StepOf::Output) || has(StepOf::Label);
+            Step { z, output: has(StepOf::Output), node: has(StepOf::Node), shown, slice, touching, parting }
         };
         let all = heights.chunk_by(|a, b| b.0 - a.0 <= same).map(at).collect();
         Steps { all }

@@ -4,6 +4,7 @@ use crate::estimate::memory::MemoryNeeds;
 use crate::estimate::runtime::Effort;
 use crate::registration::displacement::BLOCK;
 use crate::settings::Settings;
+use crate::stack::heights::{SAME, nodes, shown_nodes};
 use crate::stack::{ContourStack, Slice, SliceContent};
 
 use super::stack::LabelStack;
@@ -30,9 +31,33 @@ pub(super) fn pieces<'s>(
 /// What all labels take: the memory of the largest, since they are worked on one by one, and the effort of all.
 pub fn requirements(stack: &LabelStack, unite: bool, heights: &[f64], settings: &Settings) -> (MemoryNeeds, Effort) {
     let unions = unions(stack, unite);
+    let asked = asked(stack, unite, heights);
     let each =
-        pieces(stack, unite, &unions).map(|part| (part.needs(heights, settings), Effort::of(&part.stack, heights)));
+        pieces(stack, unite, &unions).map(|part| (part.needs(&asked, settings), Effort::of(&part.stack, heights)));
     each.fold(Default::default(), |(needs, effort), (of_one, more)| (needs.or(of_one), effort.and(more)))
+}
+
+/// Heights this close to each other are one: far less than the narrowest gap.
+pub(super) fn same_height(stack: &LabelStack) -> f64 {
+    let gaps = stack.stack.slices.windows(2).map(|w| w[1].z - w[0].z);
+    SAME * gaps.fold(f64::INFINITY, f64::min)
+}
+
+/// Heights at which every body is made: the output's, and where labels are decided among each other the nodes of all slices, on which it rests what
+/// floats, whatever is asked for.
+pub(super) fn asked(stack: &LabelStack, decided: bool, output: &[f64]) -> Vec<f64> {
+    let mut asked = output.to_vec();
+    if decided {
+        let same = same_height(stack);
+        let z: Vec<f64> = stack.stack.slices.iter().map(|slice| slice.z).collect();
+        let known = |z: &f64| {
+            let above = output.partition_point(|x| *x < z - same);
+            output.get(above).is_some_and(|x| *x <= z + same)
+        };
+        asked.extend(nodes(&z).into_iter().filter(|z| !known(z)));
+        asked.sort_by(f64::total_cmp);
+    }
+    asked
 }
 
 /// The part of a stack that is not empty, with what is around it.
@@ -52,6 +77,12 @@ impl LabelPiece {
     /// Memory of its reconstruction.
     pub fn needs(&self, heights: &[f64], settings: &Settings) -> MemoryNeeds {
         MemoryNeeds::of(&self.stack, heights, settings, rayon::current_num_threads())
+    }
+
+    /// Heights between its contours at which its surface has layers though the output has none, see [`shown_nodes`].
+    pub fn shown(&self, output: &[f64]) -> Vec<f64> {
+        let z: Vec<f64> = self.stack.slices.iter().map(|slice| slice.z).collect();
+        shown_nodes(&z, output, self.stack.spacing[0].min(self.stack.spacing[1]))
     }
 
     /// Blocks of displacements lie where they lie in the whole image.

@@ -40,7 +40,19 @@ pub fn shown_nodes(z: &[f64], output: &[f64], px: f64) -> Vec<f64> {
         let ends = [pair[0], pair[1]];
         too_few(strictly_between(output, ends), NODES - 1, ends[1] - ends[0], px)
     };
-    z.windows(2).filter(coarse).flat_map(|pair| NODE_TIMES.map(|t| at_time([pair[0], pair[1]], t))).collect()
+    z.windows(2).filter(coarse).flat_map(nodes_between).collect()
+}
+
+/// Heights of the nodes strictly between two contours.
+fn nodes_between(pair: &[f64]) -> [f64; NODES - 1] {
+    NODE_TIMES.map(|t| at_time([pair[0], pair[1]], t))
+}
+
+/// All nodes of contours at `z`, these among them, increasing.
+pub fn nodes(z: &[f64]) -> Vec<f64> {
+    let mut all: Vec<f64> = z.iter().copied().chain(z.windows(2).flat_map(nodes_between)).collect();
+    all.sort_by(f64::total_cmp);
+    all
 }
 
 /// Heights beyond a contour, up to an end plane, where output heights are too few for a surface.

@@ -7,6 +7,7 @@ mod files;
 mod label_images;
 mod left_out;
 mod members;
+mod other_layers;
 mod own_slices;
 mod partitions;
 #[cfg(feature = "dicom")]

@@ -17,9 +17,7 @@ pub const CRUMB: usize = 12;
 
 /// Whether each part of a layer is more than a crumb.
 pub fn whole(runs: &Runs) -> Vec<bool> {
-    let mut sizes = vec![0; runs.count];
-    runs.all().for_each(|(_, columns, part)| sizes[part] += columns.len());
-    sizes.into_iter().map(|size| size > CRUMB).collect()
+    runs.sizes().into_iter().map(|size| size > CRUMB).collect()
 }
 
 /// Whether parts of each of an interval's layers, from contour to contour, hang together with one of both contours, over parts that are `there` (all

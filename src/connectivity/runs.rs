@@ -101,6 +101,13 @@ impl Runs {
         runs.map(|(j, k)| (j, self.runs[k][0] as usize..self.runs[k][1] as usize, self.parts[k] as usize))
     }
 
+    /// Pixels of each part.
+    pub fn sizes(&self) -> Vec<usize> {
+        let mut sizes = vec![0; self.count];
+        self.all().for_each(|(_, columns, part)| sizes[part] += columns.len());
+        sizes
+    }
+
     /// Parts that reach the edge of an image `nx` pixels wide.
     pub fn at_edge(&self, nx: usize) -> impl Iterator<Item = usize> + '_ {
         let last = self.rows.len().saturating_sub(2);

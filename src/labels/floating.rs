@@ -12,7 +12,7 @@
 
 use super::decide::Rank;
 use super::kept::{KeptBody, LayerPatch};
-use crate::connectivity::grounded::{held_by, whole};
+use crate::connectivity::grounded::{CRUMB, held_by};
 use crate::connectivity::runs::{DisjointSets, Runs, Side};
 use crate::error::Result;
 use crate::grid::sparse_image::SparseImage;
@@ -20,6 +20,10 @@ use crate::grid::tile::Tile;
 
 /// Layers are dense between two slices of a label where no two are farther apart than such a share of these.
 const DENSE: f64 = 1.0 / 3.0;
+
+/// Share of what a label has on its largest layer up to which a part of it is a crumb, where that is more than [`CRUMB`] pixels: nodes may miss what hangs
+/// together in a thin wall that leans, of which a part is much of a layer.
+const CRUMBS: usize = 10;
 
 /// What a piece is given to may float itself: that is looked at again, so many times.
 const ROUNDS: usize = 8;
@@ -212,6 +216,9 @@ fn runs(tile: Tile, patch: &LayerPatch) -> Runs {
 /// these all do, and where nodes say it what is more than a crumb, or hangs together with that.
 fn held_among(layers: &[Runs], looked_at: &[usize], contour: &[bool], holding: Holding) -> (Vec<Vec<bool>>, usize) {
     let runs: Vec<&Runs> = looked_at.iter().map(|&k| &layers[k]).collect();
+    let largest = runs.iter().map(|runs| runs.sizes().iter().sum::<usize>()).max();
+    let crumb = CRUMB.max(largest.unwrap_or(0) / CRUMBS);
+    let whole = |runs: &Runs| runs.sizes().into_iter().map(|size| size > crumb).collect::<Vec<bool>>();
     let by_nodes = holding == Holding::Nodes;
     let of = |&k: &usize| match (contour[k], by_nodes) {
         (true, _) => vec![true; layers[k].count],

@@ -210,21 +210,23 @@ pub fn reconstruct<'py>(
         if output.dz.is_none() && !output.isotropic {
             output.dz = own.dz;
         }
-        let stack = loaded.stack.clone();
+        let stack = &loaded.stack;
         let heights = match at {
             Some(heights) => heights,
-            None => output.heights(&stack, &settings)?,
+            None => output.heights(stack, &settings)?,
         };
         let notice = noticing(watch);
         let mut machine = machine(&device, &notice)?;
-        let needs = MemoryNeeds::of(&stack, &heights, &settings, interslice::cli::threads());
+        let needs = MemoryNeeds::of(stack, &heights, &settings, interslice::cli::threads());
         // A layer of the result takes at most four bytes a pixel.
         let layers = (heights.len() * stack.dims[0] * stack.dims[1]) as u64 * 4;
         let budget = machine.budget(&needs, layers, device.memory())?;
         let reason = machine.reason();
         let body = {
             let means = Means { backend: machine.backend(), progress: watch, budget: &budget };
-            Body::new(stack, heights, settings, &means)?
+            let (stack, notes) = loaded.completed(&settings, &means)?;
+            notes.iter().for_each(|note| watch.warn(note));
+            Body::new(stack.into_owned(), heights, settings, &means)?
         };
         loaded.notes.iter().for_each(|note| watch.warn(note));
         drop(machine);

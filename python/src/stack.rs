@@ -117,7 +117,8 @@ pub fn read_array(
         let paint = input.surveyed.as_ref().and_then(Surveyed::paint);
         let output = OutputOptions { bodies, paint, ..OutputOptions::default() };
         let options = JobOptions { read, output, ..JobOptions::default() };
-        let loaded = Loaded { notes, ..Loaded::new(input.stack.clone(), options)? };
+        let interpolated = input.interpolated(&options.read)?;
+        let loaded = Loaded { notes, ..Loaded::new(input.stack.clone(), options)? }.with(interpolated)?;
         Ok((loaded, input))
     })?;
     Ok(PyStack { input: Some(input), ..PyStack::of(loaded) })

@@ -10,7 +10,7 @@ use interslice::gpu::selftest::doctor as examiner;
 use interslice::gpu::{Gpu, GpuOptions};
 use interslice::grid::components::{Components, label4};
 use interslice::settings::Link;
-use interslice::{Backend, Error, Settings, evaluate as hold_out};
+use interslice::{Backend, Budget, Error, Means, Settings, evaluate as hold_out};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde::Serialize;
@@ -58,7 +58,9 @@ pub fn evaluate<'py>(
         let notice = noticing(watch);
         let machine = machine(&device, &notice)?;
         let backend = Remembering { backend: machine.backend(), answers: None, progress: watch };
-        hold_out(&loaded.stack, map.as_deref(), &settings, leave, &backend, watch)
+        let means = Means { backend: &backend, progress: watch, budget: &Budget::unlimited() };
+        let (stack, _) = loaded.completed(&settings, &means)?;
+        hold_out(&stack, map.as_deref(), &settings, leave, &backend, watch)
     })?;
     report(py, &score)
 }

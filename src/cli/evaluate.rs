@@ -11,7 +11,7 @@ use interslice::files::{JobOptions, Loaded};
 use interslice::input;
 use interslice::stack::ReadOptions;
 use interslice::stack::links::LinkOptions;
-use interslice::{Error, Result, Settings};
+use interslice::{Budget, Error, Means, Result, Settings};
 use serde::Serialize;
 
 use super::bar::Bars;
@@ -116,7 +116,10 @@ fn job(arguments: &EvaluateArguments) -> JobOptions {
 fn score(arguments: &EvaluateArguments, loaded: &Loaded, backend: &dyn Backend) -> Result<HoldOut> {
     loaded.notes.iter().for_each(|note| tell!("warning: {note}"));
     let (settings, map) = (&loaded.options.settings, loaded.options.output.map.as_deref());
-    let score = hold_out(&loaded.stack, map, settings, arguments.leave, backend, &Bars::default())?;
+    let means = Means { backend, progress: &Bars::default(), budget: &Budget::unlimited() };
+    let (stack, notes) = loaded.completed(settings, &means)?;
+    notes.iter().for_each(|note| tell!("warning: {note}"));
+    let score = hold_out(&stack, map, settings, arguments.leave, backend, &Bars::default())?;
     let (all, used) = (settings.links.len(), score.links);
     if used < all {
         tell!("warning: {} of {all} links name a slice that is left out, and count for nothing", all - used);

@@ -170,7 +170,8 @@ fn structures(arguments: &InspectArguments) -> Result<String> {
     let drawings = chosen.drawings(&arguments.read)?;
     let large = too_large(&drawings, arguments.read.pixel.map(|px| [px; 2]), stack.spacing);
     let unlike = chosen.on_planes_of_others(&arguments.read)?;
-    let doubts = large.into_iter().chain(chosen.crossing(&drawings)).chain(unlike).chain(stack.doubts());
+    let of_stack = chosen.doubts(&stack, &arguments.read)?;
+    let doubts = large.into_iter().chain(chosen.crossing(&drawings)).chain(unlike).chain(of_stack);
     let mut lines = chosen.describe();
     lines.extend(arguments.read.pixel.is_none().then(|| chosen_pixel(&drawings).to_string()));
     Ok(left_out + &lines.join("\n") + "\n" + &told(doubts) + &text)

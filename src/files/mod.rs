@@ -19,6 +19,7 @@ pub mod preview;
 pub mod provenance;
 pub mod scenes;
 pub mod section_file;
+mod union;
 pub mod write;
 mod writers;
 
@@ -40,6 +41,7 @@ use crate::rtstruct::{ReferencedSet, StructureSet};
 use crate::settings::Settings;
 use crate::stack::heights::{Heights, passed_over};
 use crate::stack::links::LinkOptions;
+use crate::stack::members::InterpolatedMember;
 use crate::stack::{ContourStack, HeightGrid, ReadOptions};
 use crate::surface::Reconstruction;
 #[cfg(feature = "terrain")]
@@ -112,6 +114,8 @@ impl JobOptions {
 pub struct Loaded {
     /// The checked stack.
     pub stack: ContourStack,
+    /// Members of it that are interpolated to slices of others, see [`Loaded::completed`].
+    pub interpolated: Vec<InterpolatedMember>,
     /// Output heights.
     pub heights: Vec<f64>,
     /// Options of the job.
@@ -143,12 +147,13 @@ impl Loaded {
         }
         let input = input::Input::read(input, &options.read)?;
         let notes = input.doubts(&options.read);
+        let interpolated = input.interpolated(&options.read)?;
         let input::Input { stack, surveyed, .. } = input;
         options.output.paint = surveyed.as_ref().and_then(input::Surveyed::paint);
         options.output.bodies = surveyed.iter().filter_map(|s| s.appearance()).collect();
         options.settings.links = options.links.read(&stack)?;
         options.settings.validate()?;
-        Ok(Loaded { source: Some(source), ..Self::new(stack, options)?.noted(notes) })
+        Ok(Loaded { source: Some(source), ..Self::new(stack, options)?.noted(notes).with(interpolated)? })
     }
 
     /// What a report says of its making; nothing of a stack that no file holds.
@@ -172,8 +177,8 @@ impl Loaded {
         let stack = source.stack()?;
         options.settings.links = options.links.read(&stack)?;
         options.settings.validate()?;
-        let (steps, mut notes) = source.about(&stack)?;
-        notes.extend(stack.doubts());
+        let (steps, notes) = source.about(&stack)?;
+        let interpolated = source.interpolated(&stack)?;
         if let Some(images) = options.output.target.as_ref().and_then(|like| like.series.as_ref()) {
             source.refer_to(images)?;
         } else if options.output.dz.is_none() && !options.output.isotropic && options.output.target.is_none() {
@@ -182,7 +187,7 @@ impl Loaded {
         }
         options.output.bodies = vec![source.appearance()?];
         options.output.source = Some(Arc::new(source));
-        Ok(Loaded { source: Some(given), ..Self::new(stack, options)?.noted(notes) })
+        Ok(Loaded { source: Some(given), ..Self::new(stack, options)?.noted(notes).with(interpolated)? })
     }
 
     /// Why the completed RTSTRUCT gets no contours; nothing where it gets some, or no RTSTRUCT was read.
@@ -230,13 +235,23 @@ impl Loaded {
         crate::stack::heights::check(&stack, &heights, &options.settings)?;
         let mut notes = options.output.doubts(&stack);
         notes.extend(passed_over(&stack, &options.settings));
-        Ok(Loaded { stack, heights, options, notes, source: None })
+        Ok(Loaded { stack, interpolated: Vec::new(), heights, options, notes, source: None })
     }
 
     /// With notes on the input before its own.
     fn noted(mut self, notes: Vec<String>) -> Self {
         self.notes.splice(0..0, notes);
         self
+    }
+
+    /// With members that are interpolated to slices of others.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for links: they number the parts of slices as they are drawn.
+    pub fn with(self, interpolated: Vec<InterpolatedMember>) -> Result<Self> {
+        let completed = Loaded { interpolated, ..self };
+        completed.check_links(&completed.options.settings.links)?;
+        Ok(completed)
     }
 
     /// The grid of the output layers, of which some are contours' own.
@@ -307,8 +322,9 @@ impl Loaded {
         means: &Means<'_>,
         sink: &mut dyn LayerSink,
     ) -> Result<Reconstruction> {
-        let mut body = reconstruct_section(&self.stack, section, &self.heights, &self.options.settings, means, sink)?;
-        body.report.warnings.splice(0..0, self.notes.iter().cloned());
+        let (stack, notes) = self.completed(&self.options.settings, means)?;
+        let mut body = reconstruct_section(&stack, section, &self.heights, &self.options.settings, means, sink)?;
+        body.report.warnings.splice(0..0, self.notes.iter().cloned().chain(notes));
         Ok(body)
     }
 
@@ -325,8 +341,9 @@ impl Loaded {
     /// # Errors
     /// The errors of [`reconstruct_into`]; those of `sink`.
     pub fn compute_into(&self, means: &Means<'_>, sink: &mut dyn LayerSink) -> Result<Reconstruction> {
-        let mut body = reconstruct_into(&self.stack, &self.heights, &self.options.settings, means, sink)?;
-        body.report.warnings.splice(0..0, self.notes.iter().cloned());
+        let (stack, notes) = self.completed(&self.options.settings, means)?;
+        let mut body = reconstruct_into(&stack, &self.heights, &self.options.settings, means, sink)?;
+        body.report.warnings.splice(0..0, self.notes.iter().cloned().chain(notes));
         Ok(body)
     }
 }

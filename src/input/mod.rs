@@ -38,8 +38,8 @@ use crate::labels::given::{Completeness, Given, hole};
 use crate::stack::ContourStack;
 use crate::stack::appearance::Appearance;
 use crate::stack::axis::Axis;
-use crate::stack::members::{Member, drawn_on_slices_of_others};
-use crate::stack::options::ReadOptions;
+use crate::stack::members::{InterpolatedMember, Member, drawn_on_slices_of_others};
+use crate::stack::options::{LabelName, ReadOptions};
 use crate::surface::content::Paint;
 
 impl Kind {
@@ -268,10 +268,48 @@ impl Input {
             hole("the body", &given.holes)
         });
         let undrawn = hole.as_ref().and_then(|_| self.stack.undrawn());
-        doubts.extend(self.stack.doubts().into_iter().filter(|doubt| Some(doubt) != undrawn.as_ref()));
+        let of_stack = self.stack.doubts_of_union(self.interpolates(options)).into_iter();
+        doubts.extend(of_stack.filter(|doubt| Some(doubt) != undrawn.as_ref()));
         doubts.extend(hole);
         doubts.extend(self.surveyed.as_ref().zip(options.keep).and_then(|(surveyed, keep)| surveyed.missed(keep)));
         doubts
+    }
+
+    /// Whether labels are interpolated to slices of others.
+    fn interpolates(&self, options: &ReadOptions) -> bool {
+        let Some(surveyed) = self.surveyed.as_ref().filter(|_| are_united_whole(options)) else { return false };
+        let (numbers, members) = surveyed.members(options);
+        let z = surveyed.heights(&numbers);
+        members.iter().any(|(_, member)| !member.between(&z).is_empty())
+    }
+
+    /// Labels that are interpolated to slices of others before they become one with them; none where slices are chosen, which are complete.
+    ///
+    /// # Errors
+    /// The errors of [`read`].
+    pub fn interpolated(&self, options: &ReadOptions) -> Result<Vec<InterpolatedMember>> {
+        let Some(surveyed) = self.surveyed.as_ref().filter(|_| are_united_whole(options)) else {
+            return Ok(Vec::new());
+        };
+        let (numbers, members) = surveyed.members(options);
+        let z = surveyed.heights(&numbers);
+        let mut interpolated = Vec::new();
+        for (label, member) in members {
+            let slices = member.between(&z);
+            if slices.is_empty() {
+                continue;
+            }
+            let own = member.places().into_iter().map(|k| numbers[k]).collect();
+            let options = ReadOptions {
+                label: Some(LabelName::Number(label)),
+                slices: Some(own),
+                axis: [Axis::X, Axis::Y, Axis::Z][surveyed.axis.axis],
+                ..options.clone()
+            };
+            let stack = Input::of_volume(surveyed.volume.clone(), &options)?.stack;
+            interpolated.push(InterpolatedMember { name: member.name, stack, slices });
+        }
+        Ok(interpolated)
     }
 
     /// Words about labels that become one body although nobody has chosen them.
@@ -287,6 +325,12 @@ impl Input {
             )
         })
     }
+}
+
+/// Whether all labels become one body, each on the slices on which it is painted: chosen slices are complete.
+fn are_united_whole(options: &ReadOptions) -> bool {
+    let chosen = options.keep.is_some() || options.slices.is_some();
+    !chosen && options.label.is_none() && options.level.is_none()
 }
 
 /// A label volume as it was read.
@@ -310,16 +354,30 @@ impl Surveyed {
 
     /// Words where labels that become one body are painted on unlike slices of those that `options` take.
     fn unlike(&self, options: &ReadOptions) -> Option<String> {
+        let (numbers, members) = self.members(options);
+        let members: Vec<Member> = members.into_iter().map(|(_, member)| member).collect();
+        let is_complete = options.keep.is_some() || options.slices.is_some();
+        let words = ["slices", "`labels` = all interpolates each by itself"];
+        drawn_on_slices_of_others(&members, &self.heights(&numbers), !is_complete, words)
+    }
+
+    /// Numbers of the painted slices that `options` take, and which label is on which of them.
+    fn members(&self, options: &ReadOptions) -> (Vec<usize>, Vec<(i64, Member)>) {
         let painted = &self.survey.painted[self.axis.axis];
         let asked = |k: &usize| options.slices.as_ref().is_none_or(|list| list.contains(k));
         let kept = |k: &usize| options.keep.is_none_or(|keep| keep == 0 || k.is_multiple_of(keep));
         let taken: Vec<usize> = (0..painted.len()).filter(|k| painted[*k] && asked(k) && kept(k)).collect();
-        let member = |(label, slices): (&i64, &[Vec<bool>; 3])| Member {
-            name: format!("label {label}"),
-            drawn: taken.iter().map(|k| slices[self.axis.axis][*k]).collect(),
+        let member = |(label, slices): (&i64, &[Vec<bool>; 3])| {
+            let drawn = taken.iter().map(|k| slices[self.axis.axis][*k]).collect();
+            (*label, Member { name: format!("label {label}"), drawn })
         };
-        let members: Vec<Member> = self.survey.slices.iter().map(member).collect();
-        drawn_on_slices_of_others(&members, "slices", "`labels` = all interpolates each by itself")
+        let members = self.survey.slices.iter().map(member).collect();
+        (taken, members)
+    }
+
+    /// Heights of the slices with these numbers.
+    fn heights(&self, numbers: &[usize]) -> Vec<f64> {
+        numbers.iter().map(|&k| k as f64 * self.thickness()).collect()
     }
 
     /// Words where painted slices stand alone and every `keep`-th slice is no choice among these: it takes empty ones between them.

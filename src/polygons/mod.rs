@@ -102,15 +102,7 @@ pub fn stack(drawings: &[PlaneDrawing], planes: &Planes, pixel: Option<[f64; 2]>
         }
     }
     let grid = DrawingGrid::around(drawings, pixel)?;
-    let slices: Vec<Slice> = drawings
-        .par_iter()
-        .map(|d| Slice {
-            name: d.name.clone(),
-            z: d.z,
-            extra: d.extra,
-            content: SliceContent::Level(LevelSlice::new(&level_set(&d.regions, &grid), grid.dims[0])),
-        })
-        .collect();
+    let slices = slices_on(&grid, drawings);
     let is_empty = slices.iter().all(|slice| slice.content.is_empty());
     // Finer pixels do not help where lines cancel.
     if is_empty && pixel.is_some() && grid.spacing.max_element() > pixel::pixel_side(drawings) {
@@ -133,6 +125,24 @@ pub fn stack(drawings: &[PlaneDrawing], planes: &Planes, pixel: Option<[f64; 2]>
         geometry: Geometry { origin, axes: planes.axes, ..Geometry::default() },
         known: None,
     })
+}
+
+/// Slices of some drawings on the pixels that the stack of `all` has.
+///
+/// # Errors
+/// The errors of [`stack`].
+pub fn slices(drawings: &[PlaneDrawing], all: &[PlaneDrawing], pixel: Option<[f64; 2]>) -> Result<Vec<Slice>> {
+    Ok(slices_on(&DrawingGrid::around(all, pixel)?, drawings))
+}
+
+fn slices_on(grid: &DrawingGrid, drawings: &[PlaneDrawing]) -> Vec<Slice> {
+    let slice = |d: &PlaneDrawing| Slice {
+        name: d.name.clone(),
+        z: d.z,
+        extra: d.extra,
+        content: SliceContent::Level(LevelSlice::new(&level_set(&d.regions, grid), grid.dims[0])),
+    };
+    drawings.par_iter().map(slice).collect()
 }
 
 /// `min` over the regions of the signed distance to each, clamped.

@@ -13,7 +13,7 @@ use crate::polygons::crossing::crossing;
 use crate::polygons::near::near_copies;
 use crate::polygons::plane::{Bent, PlaneSet, TOLERANCE, smallest_gap};
 use crate::polygons::{self, PlaneDrawing, Planes, Polygon};
-use crate::stack::members::{Member, drawn_on_slices_of_others};
+use crate::stack::members::{InterpolatedMember, Member, drawn_on_slices_of_others};
 use crate::stack::{ContourStack, ReadOptions};
 
 /// Ratio of a ROI's gaps to those of another one's planes from which on planes were left out.
@@ -231,23 +231,68 @@ impl ChosenRois<'_> {
         checked.map_err(|e| e.in_file(&self.set.path))
     }
 
+    /// Doubts about the stack of what was chosen.
+    ///
+    /// # Errors
+    /// The errors of [`ChosenRois::chosen_planes`].
+    pub fn doubts(&self, stack: &ContourStack, options: &ReadOptions) -> Result<Vec<String>> {
+        let planes = self.chosen_planes(options)?;
+        let z = self.heights(&planes);
+        let is_interpolated = self.members(&planes).iter().any(|member| !member.between(&z).is_empty());
+        Ok(stack.doubts_of_union(is_interpolated))
+    }
+
     /// Words where of several ROIs some are not drawn on planes of others.
     ///
     /// # Errors
     /// The errors of [`ChosenRois::chosen_planes`].
     pub fn on_planes_of_others(&self, options: &ReadOptions) -> Result<Option<String>> {
-        if self.rois.len() < 2 {
-            return Ok(None);
-        }
         let planes = self.chosen_planes(options)?;
+        let (members, z) = (self.members(&planes), self.heights(&planes));
+        Ok(drawn_on_slices_of_others(&members, &z, true, ["planes", "`all_rois` makes each by itself"]))
+    }
+
+    /// Which ROI is drawn on which of some planes; none where it is only one.
+    fn members(&self, planes: &[usize]) -> Vec<Member> {
+        if self.rois.len() < 2 {
+            return Vec::new();
+        }
         let mut on: HashSet<(usize, usize)> = HashSet::new();
         on.extend(self.used.iter().zip(&self.planes.plane_of).map(|((roi, _), plane)| (*roi, *plane)));
         let member = |(r, roi): (usize, &&Roi)| Member {
             name: roi.label(),
             drawn: planes.iter().map(|plane| on.contains(&(r, *plane))).collect(),
         };
-        let members: Vec<Member> = self.rois.iter().enumerate().map(member).collect();
-        Ok(drawn_on_slices_of_others(&members, "planes", "`all_rois` makes each by itself"))
+        self.rois.iter().enumerate().map(member).collect()
+    }
+
+    fn heights(&self, planes: &[usize]) -> Vec<f64> {
+        planes.iter().map(|k| self.planes.heights[*k]).collect()
+    }
+
+    /// The ROIs that have planes of their own, and are interpolated to those of others before they become one with them, on the pixels of their `union`.
+    ///
+    /// # Errors
+    /// The errors of [`ChosenRois::stack`].
+    pub fn interpolated(&self, options: &ReadOptions, union: &ContourStack) -> Result<Vec<InterpolatedMember>> {
+        let planes = self.chosen_planes(options)?;
+        let z = self.heights(&planes);
+        let mut interpolated = Vec::new();
+        for (r, member) in self.members(&planes).into_iter().enumerate() {
+            let slices = member.between(&z);
+            if slices.is_empty() {
+                continue;
+            }
+            let drawing =
+                |k: usize| PlaneDrawing { regions: vec![self.region(planes[k], r)], ..self.drawing(planes[k]) };
+            let drawings: Vec<PlaneDrawing> = member.places().into_iter().map(drawing).collect();
+            let all = self.drawings(options)?;
+            let own = polygons::slices(&drawings, &all, options.pixel.map(|p| [p; 2]));
+            let slices_of = own.map_err(|e| e.in_file(&self.set.path))?;
+            let stack = ContourStack { slices: slices_of, unit: union.unit.clone(), ..*union };
+            interpolated.push(InterpolatedMember { name: member.name, stack, slices });
+        }
+        Ok(interpolated)
     }
 
     /// Words on planes on which contours cross each other or themselves; where a ROI says even-odd outright it is meant.
@@ -261,13 +306,18 @@ impl ChosenRois<'_> {
     /// # Errors
     /// The errors of [`ChosenRois::chosen_planes`].
     pub fn drawings(&self, options: &ReadOptions) -> Result<Vec<PlaneDrawing>> {
-        let drawing = |k: usize| PlaneDrawing {
-            name: format!("k={k}"),
-            z: self.planes.heights[k],
-            extra: false,
-            regions: self.regions(k),
-        };
-        Ok(self.chosen_planes(options)?.into_iter().map(drawing).collect())
+        Ok(self.chosen_planes(options)?.into_iter().map(|k| self.drawing(k)).collect())
+    }
+
+    fn drawing(&self, k: usize) -> PlaneDrawing {
+        let regions = self.regions(k);
+        PlaneDrawing { name: format!("k={k}"), z: self.planes.heights[k], extra: false, regions }
+    }
+
+    /// The contours of one ROI on plane `k`, in the plane.
+    fn region(&self, k: usize, roi: usize) -> Vec<Polygon> {
+        let own = self.on_plane(k).filter(|(r, _)| *r == roi);
+        own.map(|(_, contour)| self.planes.project(&contour.points)).collect()
     }
 
     /// The contours of plane `k`, in the plane, those of a ROI together.

@@ -31,6 +31,7 @@ pub use series::ImageSeries;
 use crate::error::{Error, Result};
 use crate::polygons::grid::too_large;
 use crate::stack::appearance::Appearance;
+use crate::stack::members::InterpolatedMember;
 use crate::stack::options::RoiName;
 use crate::stack::{ContourStack, ReadOptions};
 use crate::storage::regular;
@@ -188,6 +189,14 @@ impl ReferencedSet {
         self.set.choose(&self.options)?.stack(&self.options)
     }
 
+    /// ROIs of it that are interpolated to planes of others before they become one with them, on the pixels of their `union`.
+    ///
+    /// # Errors
+    /// The errors of [`StructureSet::choose`] and [`ChosenRois::interpolated`].
+    pub fn interpolated(&self, union: &ContourStack) -> Result<Vec<InterpolatedMember>> {
+        self.set.choose(&self.options)?.interpolated(&self.options, union)
+    }
+
     /// Name and colour of what was chosen.
     ///
     /// # Errors
@@ -210,7 +219,7 @@ impl ReferencedSet {
         let crossing = chosen.crossing(&drawings);
         let unlike = chosen.on_planes_of_others(&self.options)?;
         let mut notes = self.set.left_out.clone();
-        notes.extend(chosen.notes);
+        notes.extend(chosen.notes.iter().cloned());
         notes.extend(unlike);
         notes.extend(large.into_iter().chain(crossing));
         let lost = stack.slices.iter().filter(|s| s.content.is_empty());
@@ -221,6 +230,7 @@ impl ReferencedSet {
                 s.name, s.z
             )
         }));
+        notes.extend(chosen.doubts(stack, &self.options)?);
         Ok((steps, notes))
     }
 

@@ -190,6 +190,12 @@ impl ContourStack {
         strays.into_iter().chain(self.empty()).chain(self.slips()).chain(unresolved).chain(self.long_pixels()).collect()
     }
 
+    /// The same of a union: where members are interpolated to slices of others, these lack them by no mistake.
+    pub fn doubts_of_union(&self, is_interpolated: bool) -> Vec<String> {
+        let slips = if is_interpolated { self.slips() } else { Vec::new() };
+        self.doubts().into_iter().filter(|doubt| !slips.contains(doubt)).collect()
+    }
+
     /// Doubt about empty slices between others.
     pub fn empty(&self) -> Option<String> {
         let sections = self.sections();

@@ -61,7 +61,7 @@ impl LevelSlice {
     }
 
     /// Value of pixel `node`: the one that is kept, else the largest with the side's sign.
-    pub(super) fn value(&self, node: usize) -> f32 {
+    pub fn value(&self, node: usize) -> f32 {
         match self.near.binary_search_by_key(&node, |(n, _)| *n) {
             Ok(k) => self.near[k].1,
             Err(_) if self.sides.at(node) => -self.largest,

@@ -196,15 +196,42 @@ fn labels_that_become_one_body_though_painted_on_unlike_slices_are_told() {
     };
     let lacking = " slices from its first to its last one, on which others are";
     for (of_first, of_second, more) in
-        [([4, 0], [4, 2], "; so is 1 more: there the union is"), ([4, 0], [2, 0], ": there the union is")]
+        [([4, 0], [4, 2], "; so is 1 more: there it is"), ([4, 0], [2, 0], ": there it is")]
     {
-        painted(of_first, of_second).all_say(&["--axis", "z"], 0, &format!("{lacking}{more} without it"));
+        let told = format!("{lacking}{more} interpolated by itself before the union");
+        painted(of_first, of_second).all_say(&["--axis", "z"], 0, &told);
     }
     for (of_first, of_second, options) in
         [([4, 0], [4, 0], &["--axis", "z"][..]), ([4, 0], [2, 0], &["--axis", "z", "--keep", "4"])]
     {
         let [inspected, ..] = painted(of_first, of_second).said(options);
         assert!(inspected.0 == Some(0) && !inspected.1.contains(lacking), "{}", inspected.1);
+    }
+}
+
+/// Labels with slices of their own are interpolated to those of others before they become one body with them.
+#[test]
+fn the_union_of_labels_on_unlike_slices_is_that_of_what_they_are_alone() {
+    let of = |of_first: [usize; 2], of_second: [usize; 2]| {
+        let on = |[every, first]: [usize; 2], k: usize| k % every == first;
+        let voxels = volume(|at| match in_ball(at, 13.0) {
+            true if at[0] < 20 && on(of_first, at[2]) => 1,
+            true if at[0] >= 20 && on(of_second, at[2]) => 7,
+            _ => 0,
+        });
+        let case = Case::new(&voxels, "1 1 1");
+        let report = case.place.path().join("r.json");
+        let out = report.display().to_string();
+        let made = interslice(&["reconstruct", case.path(), "--axis", "z", "--backend", "cpu", "-o", &out]);
+        assert_eq!(made.status.code(), Some(0), "{}", stderr(&made));
+        let report: serde_json::Value =
+            serde_json::from_slice(&fs::read(report).expect("it was written")).expect("it is JSON");
+        report["volume"].as_f64().expect("a closed body has a volume")
+    };
+    let together = of([2, 0], [2, 0]);
+    for (of_first, of_second) in [([4, 0], [4, 2]), ([4, 0], [2, 0]), ([2, 0], [4, 2])] {
+        let apart = of(of_first, of_second);
+        assert!((apart / together - 1.0).abs() < 0.04, "{of_first:?}, {of_second:?}: {apart} for {together}");
     }
 }
 

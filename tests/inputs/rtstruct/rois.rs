@@ -31,35 +31,56 @@ fn rois_are_chosen_by_name_or_number_and_merged_as_a_union() {
     assert_says(&said(&["inspect", &path, "--roi", "1", "--label", "1"], 2), &["`label`"]);
 }
 
-/// By itself each ROI is interpolated across the planes that it lacks; their union is without it there.
+/// ROIs with planes of their own are interpolated to those of others before the union, which is without them in holes.
 #[test]
-fn rois_that_lack_planes_of_others_are_told() {
+fn rois_that_lack_planes_of_others_are_told_and_interpolated() {
     let place = folder();
     let path = place.path().join("a.dcm");
-    let (all, few, shifted) = ([0.0, 3.0, 6.0, 9.0, 12.0], [0.0, 9.0, 12.0], [1.5, 4.5, 7.5]);
+    let all: Vec<f64> = (0..9).map(|k| 3.0 * f64::from(k)).collect();
+    let shifted: Vec<f64> = all[..8].iter().map(|z| z + 1.5).collect();
+    let second: Vec<f64> = all.iter().copied().step_by(2).collect();
+    let few = [&all[..3], &all[5..]].concat();
+    let beside = |radius: f64, planes: &[f64]| {
+        let mut roi = tube(radius, planes);
+        roi.iter_mut().flat_map(|(_, points)| points).for_each(|p| p[0] += 30.0);
+        roi
+    };
     write(
         &[
-            ("All", tube(20.0, &all)),
-            ("Few", tube(10.0, &few)),
-            ("End", tube(10.0, &all[2..])),
-            ("Off", tube(10.0, &shifted)),
+            ("All", tube(10.0, &all)),
+            ("Few", beside(8.0, &few)),
+            ("End", beside(8.0, &all[2..])),
+            ("Off", beside(8.0, &shifted)),
+            ("Second", beside(8.0, &second)),
         ],
         &path,
     );
-    let (input, out) = (path.display().to_string(), place.path().join("a.stl").display().to_string());
-    let few =
-        "ROI 2 (`Few`) is not drawn on 2 of the 5 planes from its first to its last one, on which others are: there";
-    let off = "ROI 4 (`Off`) is not drawn on 2 of the 5 planes from its first to its last one, on which others are; so is 1 more: there";
-    for (others, told) in [("Few", Some(few)), ("Off", Some(off)), ("End", None)] {
+    let (input, out) = (path.display().to_string(), place.path().join("a.json").display().to_string());
+    let few = "ROI 2 (`Few`) is not drawn on 2 of the 9 planes from its first to its last one, on which others are: there the union is without";
+    let off = "ROI 1 (`All`) is not drawn on 8 of the 17 planes from its first to its last one, on which others are; so is 1 more: there it is interpolated";
+    let second = "ROI 5 (`Second`) is not drawn on 4 of the 9 planes from its first to its last one, on which others are: there it is interpolated";
+    let whole = disc(10.0) * 24.0;
+    for (others, told, volume) in [
+        ("Few", Some(few), whole + disc(8.0) * (6.0 + 1.5 + 9.0 + 1.5)),
+        ("Off", Some(off), whole + disc(8.0) * (21.0 + 0.75 + 0.75)),
+        ("Second", Some(second), whole + disc(8.0) * 24.0),
+        ("End", None, whole + disc(8.0) * (18.0 + 1.5)),
+    ] {
         let rois = ["--roi", "All", "--roi", others];
-        for command in [&["inspect", &input][..], &["reconstruct", &input, "-o", &out, "--backend", "cpu", "--dry-run"]]
-        {
+        let makes = ["reconstruct", &input, "-o", &out, "--backend", "cpu"];
+        for command in [&["inspect", &input][..], &makes[..]] {
             let said = said(&[command, &rois[..]].concat(), 0);
             match told {
                 Some(told) => assert_says(&said, &[told, "`all_rois` makes each by itself"]),
                 None => assert!(!said.contains("is not drawn on"), "{said}"),
             }
+            let is_interpolated = told.is_some_and(|told| told.ends_with("interpolated"));
+            assert!(!is_interpolated || !said.contains("left unpainted"), "{said}");
         }
+        let report: serde_json::Value =
+            serde_json::from_slice(&std::fs::read(&out).expect("it was written")).expect("it is JSON");
+        let made = report["volume"].as_f64().expect("a closed body has a volume");
+        assert_near(made, volume, 0.02 * volume);
     }
 }
 

@@ -5,7 +5,7 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use super::line::{ManifestLine, read};
-use super::spread::{Spread, spread};
+use super::spread::{SPREADING, Spread, spread};
 use crate::error::{Error, Result};
 use crate::files::JobOptions;
 use crate::files::fingerprint::fingerprint;
@@ -203,9 +203,16 @@ fn options(line: &ManifestLine, folder: &Path, wrong: &mut Vec<String>) -> JobOp
     let output = OutputOptions { like: output.like.map(|path| folder.join(path)), ..output };
     let options = JobOptions { read, links, settings, output, settings_file: None };
     let preset = vec![PRESET.into()];
-    let known = [names::<OutputOptions>(), names::<ReadOptions>(), names::<LinkOptions>(), preset, names::<Settings>()]
-        .concat()
-        .join(", ");
+    let spreading: Vec<String> = SPREADING.map(String::from).into();
+    let known = [
+        names::<OutputOptions>(),
+        names::<ReadOptions>(),
+        names::<LinkOptions>(),
+        spreading,
+        preset,
+        names::<Settings>(),
+    ];
+    let known = known.concat().join(", ");
     let unknown = named.unknown().map(|key| format!("unknown option `{key}`; there are {known}")).collect();
     let range = options.check().err().map(|e| e.to_string());
     let all = [of_read, of_links, of_preset, of_settings, of_output, unknown, range.into_iter().collect()].concat();

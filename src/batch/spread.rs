@@ -22,6 +22,9 @@ pub struct Spread {
 
 type Lines = std::result::Result<Spread, String>;
 
+/// Options that make of a line others.
+pub const SPREADING: [&str; 3] = ["all_rois", "keep_overlaps", "labels"];
+
 /// The line itself, or one for each body that it asks for.
 ///
 /// # Errors

@@ -18,6 +18,7 @@ use super::bar::Bars;
 use super::devices::{DeviceOptions, choose};
 use super::members::MemberOptions;
 use super::say::{say, say_exactly};
+use super::session::set_threads;
 
 #[derive(Debug, clap::Args)]
 pub struct EvaluateArguments {
@@ -50,6 +51,10 @@ pub struct EvaluateArguments {
 
     #[command(flatten)]
     device: DeviceOptions,
+
+    /// Threads [default: one per core]; the result does not depend on it
+    #[arg(long, value_name = "N", help_heading = "Machine")]
+    threads: Option<usize>,
 }
 
 /// Scores of one of several bodies, or why there are none.
@@ -65,6 +70,7 @@ struct MemberScore {
 
 pub fn run(arguments: &EvaluateArguments) -> Result<()> {
     arguments.settings.validate()?;
+    set_threads(arguments.threads)?;
     let notice = |message: &str| tell!("warning: {message}");
     let members = arguments.members.of(&arguments.input, &arguments.read, &notice)?;
     if members.is_some() && arguments.links.links.is_some() {

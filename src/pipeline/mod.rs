@@ -22,6 +22,7 @@ mod hollow;
 mod leaps;
 mod links;
 pub(crate) mod matching;
+mod missed_motion;
 mod morph;
 mod moving;
 pub(crate) mod propagate;

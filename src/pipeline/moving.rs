@@ -9,6 +9,7 @@ use super::far_motion::far_motion;
 use super::grazing::without_grazing;
 use super::leaps::Surroundings;
 use super::links::{IntervalLinks, frames};
+use super::missed_motion::missed_motion;
 use crate::backend::jobs::PartJob;
 use crate::backend::requests::{PartRequest, SlopeRequest};
 use crate::contour::Contour;
@@ -149,8 +150,11 @@ fn field_displacements<'a>(
     let found = displacements(run, fields, &begin)?;
     let mut kept = SpillVec::new(run.budget);
     for (i, links) in links.iter().enumerate() {
-        let v = found.get(i)?.as_ref().clone();
         let slices = Around::new(run, contours, i)?;
+        let found = found.get(i)?;
+        let both = slices.contours.each_ref().map(|contour| &**contour);
+        let missed = missed_motion(both, &links.joined(), &found, run.backend, run.h)?;
+        let v = missed.unwrap_or_else(|| found.as_ref().clone());
         kept.push(without_grazing(v, &*guess.get(i)?, &slices.surroundings(), &links.joined()))?;
     }
     Ok(kept)
@@ -167,7 +171,8 @@ fn beginnings<'a>(
         let drawn = [i, i + 1].iter().all(|k| contours.light(*k).solids.count > 0);
         let guess = guess.get(i)?;
         out.push(if drawn {
-            far_motion([&*contours.get(i)?, &*contours.get(i + 1)?], &guess, run.backend, run.h)?
+            let slices = [contours.get(i)?, contours.get(i + 1)?];
+            far_motion(slices.each_ref().map(|contour| &**contour), &guess, run.backend, run.h)?
         } else {
             guess.as_ref().clone()
         })?;

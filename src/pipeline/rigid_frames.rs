@@ -6,6 +6,7 @@
 
 use glam::DVec2;
 
+use super::leaps::is_compact;
 use crate::contour::Contour;
 use crate::contour::overlap::{DecidedPairs, match_components};
 use crate::grid::field::position;
@@ -24,6 +25,9 @@ const GIVES_WAY: f64 = 2.0;
 const FOLLOWED: f64 = 1.0;
 /// A part that has another one nearer than this to its way gets no frame unless it is linked, px.
 const ISOLATED: f64 = 8.0;
+
+/// Dice coefficient of two parts where they lie below which they lie apart.
+const APART: f64 = 0.5;
 
 /// A part below and one above that move as one.
 struct Body {
@@ -61,22 +65,61 @@ pub fn linked(low: &Contour, high: &Contour, links: &[(u32, u32)], h: [f64; 2]) 
 /// Frames of links, and of every group of one part below and one above that is isolated and gains by it.
 pub fn rigid(low: &Contour, high: &Contour, links: &[(u32, u32)], h: [f64; 2]) -> Frames {
     let slices = Slices::new(low, high, h);
-    let groups =
-        match_components((&low.solids, &low.phi), (&high.solids, &high.phi), &DecidedPairs::joining(links)).groups;
-    let single = groups.iter().filter(|g| g.low.len() == 1 && g.high.len() == 1).map(|g| (g.low[0], g.high[0]));
-    let mut bodies: Vec<Body> = links.iter().map(|&pair| slices.body(pair).0).collect();
-    for pair in single.filter(|pair| !links.contains(pair)) {
-        let (body, worthwhile) = slices.body(pair);
-        if worthwhile && slices.isolated(&body) {
-            bodies.push(body);
-        }
+    let bodies = slices.singles(links, |_| true);
+    slices.frames(slices.linked(links).chain(bodies).collect(), links.len())
+}
+
+/// A displacement of parts that lie apart though they overlap.
+pub struct Apart {
+    /// It, with that of links.
+    pub displacement: Displacement,
+    /// Mean of the areas of these parts on both slices, pixels.
+    pub area: f64,
+}
+
+/// Frames of the same groups and of links, of those groups of which both parts lie apart and are not compact: so far a search near where they lie may not
+/// see, and their walls meet other ones. None where there are no such groups.
+pub fn apart(low: &Contour, high: &Contour, links: &[(u32, u32)], h: [f64; 2]) -> Option<Apart> {
+    let slices = Slices::new(low, high, h);
+    let bodies = slices.singles(links, |pair| slices.lie_apart(pair));
+    if bodies.is_empty() {
+        return None;
     }
-    slices.frames(bodies, links.len())
+    let area = |body: &Body| positions(low, body.parts.0).count() + positions(high, body.parts.1).count();
+    let area = 0.5 * bodies.iter().map(area).sum::<usize>() as f64;
+    let displacement = slices.frames(slices.linked(links).chain(bodies).collect(), links.len()).displacement;
+    Some(Apart { displacement, area })
 }
 
 impl<'c> Slices<'c> {
     fn new(low: &'c Contour, high: &'c Contour, h: [f64; 2]) -> Self {
         Slices { low, high, nodes: Displacement::zero(low.phi.dims), h }
+    }
+
+    /// The bodies of links.
+    fn linked<'s>(&'s self, links: &'s [(u32, u32)]) -> impl Iterator<Item = Body> + 's {
+        links.iter().map(|&pair| self.body(pair).0)
+    }
+
+    /// Groups of one part below and one above, not linked and such as `wanted`, that are isolated and gain by a frame.
+    fn singles(&self, links: &[(u32, u32)], wanted: impl Fn((u32, u32)) -> bool) -> Vec<Body> {
+        let [low, high] = [self.low, self.high].map(|contour| (&contour.solids, &contour.phi));
+        let groups = match_components(low, high, &DecidedPairs::joining(links)).groups;
+        let single = groups.iter().filter(|g| g.low.len() == 1 && g.high.len() == 1).map(|g| (g.low[0], g.high[0]));
+        let bodies = single.filter(|pair| !links.contains(pair) && wanted(*pair)).map(|pair| self.body(pair));
+        bodies.filter(|(body, worthwhile)| *worthwhile && self.isolated(body)).map(|(body, _)| body).collect()
+    }
+
+    /// Whether two parts, not both compact, have little in common where they lie.
+    fn lie_apart(&self, (from, to): (u32, u32)) -> bool {
+        let [nx, _] = self.low.phi.dims;
+        let own: Vec<DVec2> = positions(self.low, from).collect();
+        let there = |x: &&DVec2| self.high.solids.labels[x.y as usize * nx + x.x as usize] == to;
+        let common = own.iter().filter(there).count();
+        let sizes = [own.len(), positions(self.high, to).count()];
+        let depths = [self.low.solid_depth[from as usize], self.high.solid_depth[to as usize]];
+        let are_compact = [0, 1].map(|k| is_compact(sizes[k], depths[k], self.h));
+        are_compact != [true; 2] && 2.0 * common as f64 <= APART * sizes.iter().sum::<usize>() as f64
     }
 
     /// Distance of every node from those that are marked, px.

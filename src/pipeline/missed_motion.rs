@@ -90,7 +90,7 @@ mod tests {
     #[test]
     fn what_the_search_finds_is_left_to_it() {
         assert_eq!(missed(2.0, [11.0, 16.0]), None, "the walls lie together");
-        assert_eq!(missed(12.0, [11.0, 16.0]), None, "they lie apart, but the search sees them");
+        assert_eq!(missed(8.0, [11.0, 16.0]), None, "they lie apart, but the search sees them");
         assert_eq!(missed(22.0, [-1.0, 16.0]), None, "a disc");
     }
 }

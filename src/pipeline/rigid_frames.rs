@@ -65,7 +65,7 @@ pub fn linked(low: &Contour, high: &Contour, links: &[(u32, u32)], h: [f64; 2]) 
 /// Frames of links, and of every group of one part below and one above that is isolated and gains by it.
 pub fn rigid(low: &Contour, high: &Contour, links: &[(u32, u32)], h: [f64; 2]) -> Frames {
     let slices = Slices::new(low, high, h);
-    let bodies = slices.singles(links, |_| true);
+    let bodies = slices.singles(links, |_| true).filter(|body| slices.isolated(body));
     slices.frames(slices.linked(links).chain(bodies).collect(), links.len())
 }
 
@@ -81,7 +81,7 @@ pub struct Apart {
 /// see, and their walls meet other ones. None where there are no such groups.
 pub fn apart(low: &Contour, high: &Contour, links: &[(u32, u32)], h: [f64; 2]) -> Option<Apart> {
     let slices = Slices::new(low, high, h);
-    let bodies = slices.singles(links, |pair| slices.lie_apart(pair));
+    let bodies: Vec<Body> = slices.singles(links, |pair| slices.lie_apart(pair)).collect();
     if bodies.is_empty() {
         return None;
     }
@@ -101,13 +101,18 @@ impl<'c> Slices<'c> {
         links.iter().map(|&pair| self.body(pair).0)
     }
 
-    /// Groups of one part below and one above, not linked and such as `wanted`, that are isolated and gain by a frame.
-    fn singles(&self, links: &[(u32, u32)], wanted: impl Fn((u32, u32)) -> bool) -> Vec<Body> {
+    /// Groups of one part below and one above, not linked and such as `wanted`, that gain by a frame.
+    fn singles<'s>(
+        &'s self,
+        links: &[(u32, u32)],
+        wanted: impl Fn((u32, u32)) -> bool + 's,
+    ) -> impl Iterator<Item = Body> + 's {
         let [low, high] = [self.low, self.high].map(|contour| (&contour.solids, &contour.phi));
         let groups = match_components(low, high, &DecidedPairs::joining(links)).groups;
         let single = groups.iter().filter(|g| g.low.len() == 1 && g.high.len() == 1).map(|g| (g.low[0], g.high[0]));
-        let bodies = single.filter(|pair| !links.contains(pair) && wanted(*pair)).map(|pair| self.body(pair));
-        bodies.filter(|(body, worthwhile)| *worthwhile && self.isolated(body)).map(|(body, _)| body).collect()
+        let single: Vec<(u32, u32)> = single.filter(|pair| !links.contains(pair)).collect();
+        let bodies = single.into_iter().filter(move |pair| wanted(*pair)).map(|pair| self.body(pair));
+        bodies.filter(|(_, worthwhile)| *worthwhile).map(|(body, _)| body)
     }
 
     /// Whether two parts, not both compact, have little in common where they lie.

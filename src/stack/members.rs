@@ -39,7 +39,7 @@ impl Member {
         let gap = |pair: &[usize]| z[pair[1]] - z[pair[0]];
         let mut gaps: Vec<f64> = places.windows(2).map(gap).collect();
         gaps.sort_by(f64::total_cmp);
-        let widest = if places.len() < ROW { 0.0 } else { OF_ROW * gaps[gaps.len() / 2] };
+        let widest = if places.len() < ROW { 0.0 } else { OF_ROW * gaps[(gaps.len() - 1) / 2] };
         let rows = places.windows(2).filter(|pair| gap(pair) <= widest);
         let of_row: Vec<usize> = rows.flat_map(|pair| pair[0] + 1..pair[1]).collect();
         Lacking { between, beyond: between - places.len() - of_row.len(), of_row }

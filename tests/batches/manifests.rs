@@ -176,6 +176,7 @@ fn every_wrong_line_is_named_before_anything_runs() {
         "b.docx: cannot write: unknown extension; expected .nrrd",
         "b.stl is named twice",
         "line 6: options: unknown option `colour`; there are dz,",
+        ", all_rois, keep_overlaps, labels, preset,",
         "line 6: options: `cfl` = \"fast\": invalid type: string \"fast\", expected a number",
         "line 6: options: `sigma` must lie in (0, 5]; got 9",
         "line 6: input: `roi` is not for anything but an RTSTRUCT",

@@ -97,6 +97,10 @@ fn evaluate_leaves_slices_out_and_scores_them() {
     let input = place.path().join("fig9").display().to_string();
     let result = interslice(&["evaluate", &input, "--json", "--backend", "cpu"]);
     assert_eq!(result.status.code(), Some(0), "{}", stderr(&result));
+    let single = interslice(&["evaluate", &input, "--json", "--backend", "cpu", "--threads", "1"]);
+    assert!(single.stdout == result.stdout, "threads change nothing: {}", stderr(&single));
+    let none = interslice(&["evaluate", &input, "--json", "--backend", "cpu", "--threads", "0"]);
+    assert_eq!(none.status.code(), Some(2), "{}", stderr(&none));
     let score: Value = serde_json::from_slice(&result.stdout).expect("it is JSON");
     let dice = score["dice"].as_f64().expect("a number");
     assert!((0.5..1.0).contains(&dice), "{score}");

@@ -90,7 +90,10 @@ mod tests {
     #[test]
     fn what_the_search_finds_is_left_to_it() {
         assert_eq!(missed(2.0, [11.0, 16.0]), None, "the walls lie together");
-        assert_eq!(missed(8.0, [11.0, 16.0]), None, "they lie apart, but the search sees them");
+        let slices = [40.0, 60.0].map(|x| ring(x, [11.0, 16.0]));
+        let found = Displacement::zero(DIMS).map(|_, _, _| DVec2::new(19.0, 0.0));
+        let again = missed_motion(slices.each_ref(), &[], &found, &Reference, [1.0; 2]).expect("nothing fails");
+        assert!(again.is_none(), "they lie apart, but it was found nearly");
         assert_eq!(missed(22.0, [-1.0, 16.0]), None, "a disc");
     }
 }

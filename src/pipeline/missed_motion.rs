@@ -2,10 +2,11 @@
 //! beside the wrong side of itself. Where a rigid motion of a part brings both slices together far better than what was found, the search between these two
 //! is made once more, begins with that motion, and is drawn to it.
 //!
-//! Measured: tubes of radius 14 and 20 px with a wall of 4 px that lean by 1.2 to 2.1 radii a gap of 24 and 40 px had 0.15 to 0.62 of Dice between slices, where the wall of
-//! one slice meets the other side of the next one's, and have 0.95 to 0.99; a C, a frame, a Y and an L that move by 22 to 25 px 0.39 to 0.58 and 0.96 to 0.98.
-//! What is compact is left to the search, also where it lies apart: of 101 bodies of the evaluation a torus and a tube would lose 0.009, and three others gain 0.001 to 0.004. Where every part that
-//! lies apart began with its rigid motion, which what bends does not follow, the torus lost 0.014.
+//! Measured: tubes of radius 14 and 20 px with a wall of 4 px that lean by 1.2 to 2.1 radii a gap of 24 and 40 px had 0.15 to 0.62 of Dice between slices,
+//! where the wall of one slice meets the other side of the next one's, and have 0.95 to 0.99; a C, a frame, a Y and an L that move by 22 to 25 px had 0.39 to
+//! 0.58 and have 0.96 to 0.98. What is compact is left to the search, also where it lies apart: of 101 bodies of the evaluation a torus and a tube would lose
+//! 0.009, and three others gain 0.001 to 0.004. Where every part that lies apart began with its rigid motion, which what bends does not follow, the torus
+//! lost 0.014.
 
 use std::sync::Arc;
 

@@ -57,8 +57,9 @@ pub struct InterpolatedMember {
     pub slices: Vec<usize>,
 }
 
-/// Words where members of a union are not drawn on some slices, at heights `z`, between their first and their last one, on which others are. `is_interpolated` says whether
-/// those with slices of their own are interpolated to these. `slices` is the word for them, `apart` says how members are kept apart.
+/// Words where members of a union are not drawn on some slices, at heights `z`, between their first and their last one, on which others are.
+/// `is_interpolated` says whether those with slices of their own are interpolated to these. `slices` is the word for them, `apart` says how members are kept
+/// apart.
 pub fn drawn_on_slices_of_others(
     members: &[Member],
     z: &[f64],

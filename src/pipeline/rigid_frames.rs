@@ -26,7 +26,7 @@ const FOLLOWED: f64 = 1.0;
 /// A part that has another one nearer than this to its way gets no frame unless it is linked, px.
 const ISOLATED: f64 = 8.0;
 
-/// Dice coefficient of two parts where they lie below which they lie apart.
+/// Dice coefficient of two parts where they lie up to which they lie apart. With half and twice of it the same is found: it saves looking at what lies together.
 const APART: f64 = 0.5;
 
 /// A part below and one above that move as one.

@@ -29,6 +29,10 @@ const ISOLATED: f64 = 8.0;
 /// Dice coefficient of two parts where they lie up to which they lie apart. With half and twice of it the same is found: it saves looking at what lies together.
 const APART: f64 = 0.5;
 
+/// Turn, `2 tan(theta / 2)`, beyond which a part that lies apart is not taken along: it would go along chords, and what turns so far in a gap slides along
+/// itself (`sliding`). A coil of pitch 15 that begins in the stack, every 5th slice, has 0.94 of Dice with a bound of 0.5, 29 degrees, and 0.88 without.
+const MOST_TURN: f64 = 0.5;
+
 /// A part below and one above that move as one.
 struct Body {
     parts: (u32, u32),
@@ -81,7 +85,8 @@ pub struct Apart {
 /// see, and their walls meet other ones. None where there are no such groups.
 pub fn apart(low: &Contour, high: &Contour, links: &[(u32, u32)], h: [f64; 2]) -> Option<Apart> {
     let slices = Slices::new(low, high, h);
-    let bodies: Vec<Body> = slices.singles(links, |pair| slices.lie_apart(pair)).collect();
+    let apart = slices.singles(links, |pair| slices.lie_apart(pair));
+    let bodies: Vec<Body> = apart.filter(|body| body.rigid.turn.abs() <= MOST_TURN).collect();
     if bodies.is_empty() {
         return None;
     }

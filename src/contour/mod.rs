@@ -21,6 +21,9 @@ use crate::grid::seen::Seen;
 use crate::grid::tile::Tile;
 use crate::storage::spill::{Array, Large};
 
+/// Bounding box `(low, high)` of a part, both ends included.
+pub type Extent = ([usize; 2], [usize; 2]);
+
 /// One input contour on the padded image.
 #[derive(Debug, Clone, Default)]
 pub struct Contour {
@@ -36,8 +39,8 @@ pub struct Contour {
     pub seeds: Vec<Seed>,
     /// Inradius of each solid part, px, by number; entry 0 is unused.
     pub solid_depth: Vec<f64>,
-    /// Bounding box `(low, high)` of each solid part, both ends included.
-    pub solid_box: Vec<([usize; 2], [usize; 2])>,
+    /// Bounding box of each solid part.
+    pub solid_box: Vec<Extent>,
 }
 
 impl Contour {
@@ -53,8 +56,7 @@ impl Contour {
         let solids = label4(&side, phi.dims);
         side.iter_mut().for_each(|inside| *inside = !*inside);
         let holes = count8(&side, phi.dims).saturating_sub(1);
-        let solid_depth = depths(&solids, &phi);
-        let solid_box = boxes(&solids, phi.dims);
+        let (solid_depth, solid_box) = measured(&solids, &phi);
         Contour { z, seeds, phi, solids, holes, solid_depth, solid_box }
     }
 
@@ -67,7 +69,7 @@ impl Contour {
         // The first pixel is outside, as the whole rim of a padded image is.
         solids.labels.iter_mut().for_each(|label| *label = label.saturating_sub(1));
         solids.count = solids.count.saturating_sub(1);
-        let (solid_depth, solid_box) = (depths(&solids, &phi), boxes(&solids, phi.dims));
+        let (solid_depth, solid_box) = measured(&solids, &phi);
         let turned = |seed: &Seed| Seed { inside: seed.outside, outside: seed.inside, ..*seed };
         let seeds = self.seeds.iter().map(turned).collect();
         Contour { z: self.z, phi, solids, holes: 0, seeds, solid_depth, solid_box }
@@ -146,27 +148,40 @@ impl Large for Contour {
     }
 }
 
-/// Bounding boxes of all parts.
-fn boxes(parts: &Components, [nx, _]: [usize; 2]) -> Vec<([usize; 2], [usize; 2])> {
-    let mut out = vec![([usize::MAX; 2], [0; 2]); parts.count + 1];
-    for (node, label) in parts.labels.iter().enumerate() {
-        if *label > 0 {
-            let (i, j) = (node % nx, node / nx);
-            let (low, high) = &mut out[*label as usize];
-            *low = [low[0].min(i), low[1].min(j)];
-            *high = [high[0].max(i), high[1].max(j)];
+/// Largest |phi| within each part, and the bounding boxes of all. Rows are passed over run by run: most of an image is background.
+fn measured(parts: &Components, phi: &Field) -> (Vec<f64>, Vec<Extent>) {
+    let mut depths = vec![0.0f64; parts.count + 1];
+    let mut boxes = vec![([usize::MAX; 2], [0; 2]); parts.count + 1];
+    let nx = phi.dims[0].max(1);
+    for (j, (labels, values)) in parts.labels.chunks_exact(nx).zip(phi.data.chunks_exact(nx)).enumerate() {
+        let mut i = 0;
+        while i < nx {
+            let label = labels[i];
+            let end = end_of_run(labels, i);
+            if label > 0 {
+                let depth = &mut depths[label as usize];
+                *depth = values[i..end].iter().fold(*depth, |depth, v| depth.max(v.abs()));
+                let (low, high) = &mut boxes[label as usize];
+                *low = [low[0].min(i), low[1].min(j)];
+                *high = [high[0].max(end - 1), high[1].max(j)];
+            }
+            i = end;
         }
     }
-    out
+    (depths, boxes)
 }
 
-/// Largest |phi| within each part.
-fn depths(parts: &Components, phi: &Field) -> Vec<f64> {
-    let mut depth = vec![0.0f64; parts.count + 1];
-    for (label, v) in parts.labels.iter().zip(&phi.data) {
-        depth[*label as usize] = depth[*label as usize].max(v.abs());
+/// Pixels of a run that are looked at together.
+const LANES: usize = 16;
+
+/// The first pixel of a row behind those from `from` on that have one label.
+fn end_of_run(labels: &[u32], from: usize) -> usize {
+    let (label, mut end) = (labels[from], from);
+    while labels.get(end..end + LANES).is_some_and(|some| some.iter().fold(true, |all, other| all & (*other == label)))
+    {
+        end += LANES;
     }
-    depth
+    labels[end..].iter().position(|other| *other != label).map_or(labels.len(), |more| end + more)
 }
 
 #[cfg(test)]

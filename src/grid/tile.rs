@@ -79,11 +79,21 @@ impl Tile {
     }
 
     /// Nodes of the padded image, of width `nx`, in the order of the tile's own nodes.
-    pub fn nodes(&self, nx: usize) -> impl Iterator<Item = usize> + '_ {
-        (0..self.dims[1]).flat_map(move |j| {
-            let first = (self.origin[1] + j) * nx + self.origin[0];
-            first..first + self.dims[0]
-        })
+    pub fn nodes(&self, nx: usize) -> impl Iterator<Item = usize> + use<> {
+        self.rows(nx).flatten()
+    }
+
+    /// The same row by row.
+    pub fn rows(&self, nx: usize) -> impl Iterator<Item = Range<usize>> + use<> {
+        let Tile { origin, dims } = *self;
+        (origin[1]..origin[1] + dims[1]).map(move |j| j * nx + origin[0]..j * nx + origin[0] + dims[0])
+    }
+
+    /// What `of` makes of values on the padded image, of width `nx`, in the order of the tile's own nodes.
+    pub fn map<T, U>(&self, values: &[T], nx: usize, of: impl Fn(&T) -> U) -> Vec<U> {
+        let mut out = Vec::with_capacity(self.len());
+        self.rows(nx).for_each(|row| out.extend(values[row].iter().map(&of)));
+        out
     }
 
     /// The tile's own node for a node of the padded image of width `nx`; `None` beyond the tile.
@@ -103,7 +113,7 @@ impl Tile {
 
     /// The tile's part of a field on the padded image.
     pub fn cut(&self, image: &Field) -> Field {
-        Field { dims: self.dims, data: self.nodes(image.dims[0]).map(|n| image.data[n]).collect() }
+        Field { dims: self.dims, data: self.map(&image.data, image.dims[0], |v| *v) }
     }
 
     /// A position of the padded image in the tile's own pixels.

@@ -193,7 +193,7 @@ impl LonePlan {
         let nx = contour.phi.dims[0];
         let plan = |&part: &u32| {
             let tile = contour.tile_of(&[part], margin);
-            let inside: Vec<bool> = tile.nodes(nx).map(|n| contour.solids.labels[n] == part).collect();
+            let inside: Vec<bool> = tile.map(&contour.solids.labels, nx, |label| *label == part);
             let open = OpenPart::of(&inside, &tile, known);
             let inside = open.as_ref().map(|open| open.opened(&inside)).unwrap_or(inside);
             let seeds = (0..).zip(&contour.seeds).filter(|(_, s)| contour.solids.labels[s.inside] == part);
@@ -232,7 +232,7 @@ fn plan_group(low: &Contour, high: &Contour, group: Group, margin: [usize; 2]) -
     let members = |c: &Contour, ids: &[u32]| -> Vec<bool> {
         let mut wanted = vec![false; c.solids.count + 1];
         ids.iter().for_each(|&k| wanted[k as usize] = true);
-        tile.nodes(nx).map(|n| wanted[c.solids.labels[n] as usize]).collect()
+        tile.map(&c.solids.labels, nx, |label| wanted[*label as usize])
     };
     let (low_inside, high_inside) = (members(low, &group.low), members(high, &group.high));
     let (low_end, low_holes) = fill_dying_holes(low, &group.low, &tile, margin, &low_inside, &high_inside);

@@ -258,7 +258,7 @@ impl Levels<'_> {
         let contour = &self.contours[level];
         let nx = contour.phi.dims[0];
         let tile = contour.tile_of(&[number], self.margin);
-        let outside: Vec<bool> = tile.nodes(nx).map(|n| contour.solids.labels[n] != number).collect();
+        let outside: Vec<bool> = tile.map(&contour.solids.labels, nx, |label| *label != number);
         let background = label8(&outside, tile.dims);
         let own = HoleTiles::of(&background, tile.dims, self.margin, samples(OUT as usize, self.h));
         let Components { labels, count } = background;

@@ -30,8 +30,7 @@ pub fn part_field(job: &PartJob, h: [f64; 2]) -> Field {
             }
         }
     }
-    sweep(&mut own, &own_fixed, h);
-    sweep(&mut other, &other_fixed, h);
+    rayon::join(|| sweep(&mut own, &own_fixed, h), || sweep(&mut other, &other_fixed, h));
     let data = (0..inside.len())
         .map(|k| {
             let same_side = (whole.data[k] < 0.0) == inside[k];

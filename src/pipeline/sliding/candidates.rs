@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::tail::{AROUND, Beside, RIM, Tail};
 use crate::contour::Contour;
-use crate::grid::field::{cell, position};
+use crate::grid::field::{FAR, cell, position};
 use crate::grid::tile::samples;
 use crate::registration::displacement::Displacement;
 
@@ -108,12 +108,12 @@ fn found(own: &Contour, other: &Contour, (to, sign): (&Displacement, f64), h: [f
     let of_part = |part: u32| {
         let tile = own.tile_of(&[part], margin);
         let other_at = |n: usize| other.phi.sample(there(n));
-        let beside = Beside {
-            tile,
-            h,
-            own: tile.cut(&own.phi),
-            other: tile.nodes(nx).map(other_at).collect(),
-            part: tile.nodes(nx).map(|n| own.solids.labels[n] == part).collect(),
+        let mine = tile.map(&own.solids.labels, nx, |label| *label == part);
+        let on_part = tile.nodes(nx).zip(&mine).map(|(n, mine)| if *mine { other_at(n) } else { FAR });
+        let beside = Beside { tile, h, own: tile.cut(&own.phi), other: on_part.collect(), part: mine };
+        let around = |n: usize| {
+            let [i, j] = [n % tile.dims[0], n / tile.dims[0]];
+            other_at((tile.origin[1] + j) * nx + tile.origin[0] + i)
         };
         let over = |tail: Tail| {
             // What is common lies inside, so that at least one of the pixels around it does.
@@ -122,7 +122,7 @@ fn found(own: &Contour, other: &Contour, (to, sign): (&Displacement, f64), h: [f
             let deepest = [n, n + 1, n + nx, n + nx + 1].into_iter().min_by(by_depth)?;
             Some(Found { pair: [part, other.solids.labels[deepest]], tail })
         };
-        beside.tails(WHOLE).into_iter().filter_map(over).collect::<Vec<_>>()
+        beside.tails(WHOLE, around).into_iter().filter_map(over).collect::<Vec<_>>()
     };
     // Whoever makes the layers waits for this.
     parts.into_par_iter().flat_map_iter(of_part).collect()

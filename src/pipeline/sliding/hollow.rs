@@ -19,36 +19,55 @@ use crate::grid::tile::{Tile, samples};
 use crate::reference::part::part_field;
 use crate::registration::displacement::Displacement;
 
-/// The contours of a slice's filled parts and of its holes.
-struct Sections {
-    slice: Arc<HollowSlice>,
-    filled: Contour,
-    holes: Contour,
+/// The filled parts of slice `contour` as a contour.
+fn filled(contour: &Contour, slice: &HollowSlice, h: [f64; 2]) -> Contour {
+    let inside = slice.filled.labels.iter().map(|part| *part > 0).collect();
+    let phi = part_field(&PartJob { whole: contour.phi.clone(), inside }, h);
+    let (solids, solid_box) = (slice.filled.clone(), contour.solid_box.clone());
+    Contour { z: contour.z, phi, solids, solid_box, ..Contour::default() }
 }
 
-impl Sections {
-    fn new(contour: &Contour, slice: Arc<HollowSlice>, h: [f64; 2]) -> Self {
-        let inside = slice.filled.labels.iter().map(|part| *part > 0).collect();
-        let phi = part_field(&PartJob { whole: contour.phi.clone(), inside }, h);
-        let of_holes = phi.data.iter().zip(&contour.phi.data).map(|(filled, own)| filled.max(-own)).collect();
-        let of = |phi: Field, solids: &Components, solid_box: &[([usize; 2], [usize; 2])]| Contour {
-            z: contour.z,
-            phi,
-            solids: solids.clone(),
-            solid_box: solid_box.to_vec(),
-            ..Contour::default()
-        };
-        let holes = of(Field { dims: phi.dims, data: of_holes }, &slice.holes, &slice.hole_box);
-        let filled = of(phi, &slice.filled, &contour.solid_box);
-        Sections { slice, filled, holes }
+/// The holes of slice `contour` as a contour, by its `filled` parts.
+fn holes(contour: &Contour, slice: &HollowSlice, filled: &Contour) -> Contour {
+    let data = filled.phi.data.iter().zip(&contour.phi.data).map(|(filled, own)| filled.max(-own)).collect();
+    let phi = Field { dims: contour.phi.dims, data };
+    let (solids, solid_box) = (slice.holes.clone(), slice.hole_box.clone());
+    Contour { z: contour.z, phi, solids, solid_box, ..Contour::default() }
+}
+
+/// Distances of one of the `holes` on a tile around it.
+fn hole(holes: &Contour, hole: u32, h: [f64; 2]) -> (Tile, Field) {
+    let Contour { phi, solids, .. } = holes;
+    let tile = holes.tile_of(&[hole], samples(AROUND, h).map(|n| n.max(AROUND)));
+    let value = |n: usize| if solids.labels[n] == hole { phi.data[n] } else { phi.data[n].abs() };
+    (tile, Field { dims: tile.dims, data: tile.nodes(phi.dims[0]).map(value).collect() })
+}
+
+/// Filled parts of slices, which two intervals ask for: those of the slice that was asked for last stay where memory is not bounded.
+#[derive(Default)]
+pub(super) struct FilledSlices {
+    last: Option<(usize, Arc<Contour>)>,
+    forgets: bool,
+}
+
+impl FilledSlices {
+    pub fn new(forgets: bool) -> Self {
+        FilledSlices { last: None, forgets }
     }
 
-    /// A hole's distances on a tile around it.
-    fn hole(&self, hole: u32, h: [f64; 2]) -> (Tile, Field) {
-        let Contour { phi, solids, .. } = &self.holes;
-        let tile = self.holes.tile_of(&[hole], samples(AROUND, h).map(|n| n.max(AROUND)));
-        let value = |n: usize| if solids.labels[n] == hole { phi.data[n] } else { phi.data[n].abs() };
-        (tile, Field { dims: tile.dims, data: tile.nodes(phi.dims[0]).map(value).collect() })
+    /// Those of two slices, of which `first` is the number of the lower one.
+    fn both(
+        &mut self,
+        first: usize,
+        contours: [&Contour; 2],
+        slices: [&HollowSlice; 2],
+        h: [f64; 2],
+    ) -> [Arc<Contour>; 2] {
+        let known = self.last.take().filter(|(number, _)| *number == first).map(|(_, known)| known);
+        let low = known.unwrap_or_else(|| Arc::new(filled(contours[0], slices[0], h)));
+        let high = Arc::new(filled(contours[1], slices[1], h));
+        self.last = (!self.forgets).then(|| (first + 1, high.clone()));
+        [low, high]
     }
 }
 
@@ -63,34 +82,40 @@ pub(super) struct Tubes {
 }
 
 impl Tubes {
-    /// Those of two contours that have holes, if a hole of one of them goes on where the other one has none.
+    /// Those of interval `i`, whose contours have holes, if a hole of one of them goes on where the other one has none.
+    #[expect(clippy::too_many_arguments, reason = "the facts of one interval, known to one caller")]
     pub fn new(
+        i: usize,
         contours: [&Contour; 2],
-        [low, high]: [Arc<HollowSlice>; 2],
+        slices: [&HollowSlice; 2],
+        known: &mut FilledSlices,
         at_slices: &[Displacement; 2],
         gap: f64,
         apart: &[(u32, u32)],
         h: [f64; 2],
     ) -> Option<Self> {
+        let [low, high] = slices;
         let goes_on = |own: &HollowSlice, (contour, other): (&Contour, &HollowSlice), way: (&Displacement, f64)| {
             goes_on(&own.holes, (contour, &other.holes), way)
         };
-        if !goes_on(&low, (contours[1], &high), (&at_slices[0], 1.0))
-            && !goes_on(&high, (contours[0], &low), (&at_slices[1], -1.0))
+        if !goes_on(low, (contours[1], high), (&at_slices[0], 1.0))
+            && !goes_on(high, (contours[0], low), (&at_slices[1], -1.0))
         {
             return None;
         }
-        let slices = [Sections::new(contours[0], low, h), Sections::new(contours[1], high, h)];
-        let of = |part: fn(&Sections) -> &Contour, apart: &[(u32, u32)]| {
-            Candidates::new(slices.each_ref().map(part), at_slices, gap, apart, h)
-        };
-        let (filled, holes) = (of(|hollow| &hollow.filled, apart), of(|hollow| &hollow.holes, &[]));
-        if filled.is_empty() || holes.is_empty() {
+        let whole = known.both(i, contours, slices, h);
+        let filled = Candidates::new(whole.each_ref().map(|whole| &**whole), at_slices, gap, apart, h);
+        if filled.is_empty() {
             return None;
         }
-        let held = |pair: [u32; 2]| (pair, Held([0, 1].map(|side| slices[side].hole(pair[side], h))));
+        let hollow = [0, 1].map(|k| self::holes(contours[k], slices[k], &whole[k]));
+        let holes = Candidates::new(hollow.each_ref(), at_slices, gap, &[], h);
+        if holes.is_empty() {
+            return None;
+        }
+        let held = |pair: [u32; 2]| (pair, Held([0, 1].map(|side| hole(&hollow[side], pair[side], h))));
         let pairs: BTreeSet<[u32; 2]> = holes.tails.iter().flatten().map(|found| found.pair).collect();
-        let around = slices.each_ref().map(|sections| sections.slice.around.clone());
+        let around = slices.map(|slice| slice.around.clone());
         Some(Tubes { filled, holes, around, held: pairs.into_iter().map(held).collect() })
     }
 
@@ -182,8 +207,9 @@ mod tests {
 
     fn tubes(low: &Contour, high: &Contour, apart: &[(u32, u32)]) -> Option<Tubes> {
         let still = [Displacement::zero(DIMS), Displacement::zero(DIMS)];
-        let slices = [low, high].map(|contour| Arc::new(HollowSlice::new(contour)));
-        Tubes::new([low, high], slices, &still, 1.0, apart, [1.0; 2])
+        let slices = [low, high].map(HollowSlice::new);
+        let known = &mut FilledSlices::default();
+        Tubes::new(0, [low, high], slices.each_ref(), known, &still, 1.0, apart, [1.0; 2])
     }
 
     #[test]
@@ -205,7 +231,7 @@ mod tests {
         let low = hollow_bar(9.5, 39.5);
         assert!(tubes(&low, &hollow_bar(11.0, 41.0), &[]).is_none(), "within what is common");
         assert!(tubes(&low, &hollow_bar(9.5, 59.5), &[]).is_none_or(|t| t.sliding([&[], &[]]).pairs.is_empty()));
-        let filled = Sections::new(&low, Arc::new(HollowSlice::new(&low)), [1.0; 2]).filled;
+        let filled = filled(&low, &HollowSlice::new(&low), [1.0; 2]);
         assert!(tubes(&low, &filled, &[]).is_none());
     }
 }

@@ -25,7 +25,7 @@ use std::sync::Arc;
 use glam::DVec2;
 
 use self::candidates::Candidates;
-use self::hollow::{SlidingTubes, Tubes};
+use self::hollow::{FilledSlices, SlidingTubes, Tubes};
 use self::tail::{Tail, read};
 use super::context::Context;
 use super::hollow::slice::HollowSlices;
@@ -60,6 +60,7 @@ pub(super) struct Slides<'r, 'b> {
     current: Option<(Sliding, MotionField)>,
     /// Tails of the intervals around it.
     known: BTreeMap<usize, Arc<Tails>>,
+    filled: FilledSlices,
 }
 
 impl<'r, 'b> Slides<'r, 'b> {
@@ -81,6 +82,7 @@ impl<'r, 'b> Slides<'r, 'b> {
             limit,
             current: None,
             known: BTreeMap::new(),
+            filled: FilledSlices::new(run.budget.is_bounded()),
         }
     }
 
@@ -124,7 +126,8 @@ impl<'r, 'b> Slides<'r, 'b> {
             let solid = Candidates::new(slices, &at_slices, gap, parted, self.h);
             let hollow = if slices.iter().all(|contour| contour.holes > 0) {
                 let hollow = [hollow.get(i)?, hollow.get(i + 1)?];
-                Tubes::new(slices, hollow, &at_slices, gap, parted, self.h)
+                let hollow = hollow.each_ref().map(|slice| &**slice);
+                Tubes::new(i, slices, hollow, &mut self.filled, &at_slices, gap, parted, self.h)
             } else {
                 None
             };

@@ -26,7 +26,7 @@ pub(super) struct Beside {
     pub h: [f64; 2],
     /// Signed distance to the slice's contour, px.
     pub own: Field,
-    /// Signed distance to the other slice's contour where motion brings the pixel, px.
+    /// Signed distance to the other slice's contour where motion brings the pixel, px; of the part's own pixels at least.
     pub other: Vec<f64>,
     /// Whether a pixel is of the part.
     pub part: Vec<bool>,
@@ -92,8 +92,9 @@ impl Beside {
         self.beside(n).into_iter().flatten().flatten()
     }
 
-    /// The tails of the part that have at least this share of its pixels, together with what is common where they begin.
-    pub fn tails(&self, share: f64) -> Vec<Tail> {
+    /// The tails of the part that have at least this share of its pixels, together with what is common where they begin. `around` says of a pixel
+    /// of the tile that is not the part's how far it is from the other slice's contour: few parts have a piece that asks.
+    pub fn tails(&self, share: f64, around: impl Fn(usize) -> f64) -> Vec<Tail> {
         let beyond: Vec<bool> = self.part.iter().zip(&self.other).map(|(part, other)| *part && *other >= 0.0).collect();
         let common: Vec<bool> = self.part.iter().zip(&beyond).map(|(part, beyond)| *part && !beyond).collect();
         let (pieces, held) = (label4(&beyond, self.tile.dims), label8(&common, self.tile.dims));
@@ -111,20 +112,21 @@ impl Beside {
             let nodes: Vec<usize> = tile.nodes(self.tile.dims[0]).collect();
             let piece = nodes.iter().map(|n| pieces.labels[*n] == piece).collect();
             let held: Vec<u32> = nodes.iter().map(|n| held.labels[*n]).collect();
-            self.cut(tile).tails_of(piece, &held, &areas)
+            self.cut(tile, &around).tails_of(piece, &held, &areas)
         });
         found.filter(|tail| tail.pixels as f64 >= least).collect()
     }
 
-    /// The part on a tile of its own tile.
-    fn cut(&self, tile: Tile) -> Beside {
-        let nodes = || tile.nodes(self.tile.dims[0]);
+    /// The part on a tile of its own tile, with the other slice's distances at all its pixels.
+    fn cut(&self, tile: Tile, around: impl Fn(usize) -> f64) -> Beside {
+        let nx = self.tile.dims[0];
+        let other = |n: usize| if self.part[n] { self.other[n] } else { around(n) };
         Beside {
             tile: tile.placed(self.tile),
             h: self.h,
             own: tile.cut(&self.own),
-            other: nodes().map(|n| self.other[n]).collect(),
-            part: nodes().map(|n| self.part[n]).collect(),
+            other: tile.nodes(nx).map(other).collect(),
+            part: tile.map(&self.part, nx, |part| *part),
         }
     }
 
@@ -286,7 +288,7 @@ mod tests {
     fn a_tail_is_the_slice_at_first_and_nothing_but_what_is_common_at_last() {
         for to in [14.01, 14.5, 14.99] {
             let beside = tapering(to);
-            let tails = beside.tails(0.8);
+            let tails = beside.tails(0.8, |n| beside.other[n]);
             let [tail] = tails.as_slice() else { panic!("one tail, not {}", tails.len()) };
             assert!((tail.length - (40.3 - to)).abs() < 0.5, "{}", tail.length);
             let [first, last] = [0.0, 1.0].map(|t| tail.at(t));
@@ -303,7 +305,7 @@ mod tests {
     #[test]
     fn a_tail_goes_back_along_itself_at_a_constant_rate() {
         let beside = tapering(14.5);
-        let tails = beside.tails(0.8);
+        let tails = beside.tails(0.8, |n| beside.other[n]);
         let end = |t: f64| {
             let phi = tails[0].at(t);
             let row = (11 - tails[0].tile.origin[1]) * phi.dims[0];

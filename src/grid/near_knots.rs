@@ -68,6 +68,9 @@ pub fn settled_slope(z: &[f64], s: &[f64], center: usize, rule: SlopeRule, end: 
     let beside = [center.checked_sub(1), (center + 1 < z.len()).then_some(center)];
     let wider = beside.into_iter().flatten().map(gap).fold(0.0, f64::max);
     let far = |a: usize, b: usize| UNLIKE * (z[a] - z[b]).abs() >= wider;
+    if (1..z.len()).all(|k| far(k, k - 1)) {
+        return slope(z, s, center, rule, end);
+    }
     let mut kept = vec![center];
     for k in (0..center).rev() {
         if far(kept[kept.len() - 1], k) {
@@ -79,9 +82,6 @@ pub fn settled_slope(z: &[f64], s: &[f64], center: usize, rule: SlopeRule, end: 
         if far(kept[kept.len() - 1], k) {
             kept.push(k);
         }
-    }
-    if kept.len() == z.len() {
-        return slope(z, s, center, rule, end);
     }
     let some_z: Vec<f64> = kept.iter().map(|k| z[*k]).collect();
     let some_s: Vec<f64> = kept.iter().map(|k| s[*k]).collect();

@@ -131,27 +131,43 @@ pub fn monotone([s, m0, m1, ok]: HermiteArc) -> HermiteArc {
     [s, limited(m0, s, s), limited(m1, s, s), ok]
 }
 
+/// Knots for which there is room without asking for memory.
+const FEW: usize = 32;
+
 /// Slope of the C2 cubic spline at one knot; at least three knots.
 fn spline_slope(z: &[f64], s: &[f64], center: usize, end: SplineEnd) -> f64 {
     let n = z.len();
-    let h: Vec<f64> = z.windows(2).map(|w| w[1] - w[0]).collect();
-    let d: Vec<f64> = s.windows(2).zip(&h).map(|(w, h)| (w[1] - w[0]) / h).collect();
+    let (mut few, mut many) = ([[0.0; 4]; FEW], Vec::new());
+    let rows = match few.get_mut(..n) {
+        Some(rows) => rows,
+        None => {
+            many.resize(n, [0.0; 4]);
+            &mut many[..]
+        }
+    };
+    // Gaps and secants.
+    let of = |k: usize| {
+        let h = z[k + 1] - z[k];
+        [h, (s[k + 1] - s[k]) / h]
+    };
     // Rows (below, diagonal, above, right-hand side) of the tridiagonal system for the slopes.
-    let mut rows: Vec<[f64; 4]> = Vec::with_capacity(n);
-    let end_row = |h0: f64, h1: f64, d0: f64, d1: f64| match end {
+    let end_row = |[h0, d0]: [f64; 2], [h1, d1]: [f64; 2]| match end {
         SplineEnd::Natural => [2.0, 1.0, 3.0 * d0],
         SplineEnd::Parabolic => [1.0, 1.0, 2.0 * d0],
         // With three knots both ends say the same: one parabola.
         SplineEnd::NotAKnot if n == 3 => [1.0, 0.0, ((2.0 * h0 + h1) * d0 - h0 * d1) / (h0 + h1)],
         SplineEnd::NotAKnot => [h1, h0 + h1, ((h0 + 2.0 * (h0 + h1)) * h1 * d0 + h0 * h0 * d1) / (h0 + h1)],
     };
-    let [diagonal, above, right] = end_row(h[0], h[1], d[0], d[1]);
-    rows.push([0.0, diagonal, above, right]);
-    for i in 1..n - 1 {
-        rows.push([h[i], 2.0 * (h[i - 1] + h[i]), h[i - 1], 3.0 * (h[i] * d[i - 1] + h[i - 1] * d[i])]);
+    let mut before = of(0);
+    let [diagonal, above, right] = end_row(before, of(1));
+    rows[0] = [0.0, diagonal, above, right];
+    for (i, row) in rows.iter_mut().enumerate().take(n - 1).skip(1) {
+        let ([h0, d0], [h1, d1]) = (before, of(i));
+        *row = [h1, 2.0 * (h0 + h1), h0, 3.0 * (h1 * d0 + h0 * d1)];
+        before = [h1, d1];
     }
-    let [diagonal, below, right] = end_row(h[n - 2], h[n - 3], d[n - 2], d[n - 3]);
-    rows.push([below, diagonal, 0.0, right]);
+    let [diagonal, below, right] = end_row(before, of(n - 3));
+    rows[n - 1] = [below, diagonal, 0.0, right];
     for i in 1..n {
         let [_, diagonal, above, right] = rows[i - 1];
         let factor = rows[i][0] / diagonal;

@@ -8,17 +8,15 @@ use std::sync::Arc;
 use bytemuck::{Pod, Zeroable};
 use glam::DVec2;
 use rayon::prelude::*;
-use rstar::RTree;
-use rstar::primitives::GeomWithData;
 
 use crate::backend::jobs::Track;
 use crate::contour::Contour;
 use crate::contour::direction::Direction;
-use crate::contour::seeds::Seed;
 use crate::error::Result;
 use crate::grid::field::Field;
 use crate::grid::near_knots::{UNLIKE, settled_slope};
 use crate::grid::spline::{HermiteArc, monotone};
+use crate::pipeline::near_seeds::NearSeeds;
 use crate::pipeline::tracks::{SideTracks, Sides};
 use crate::registration::displacement::Displacement;
 use crate::settings::{Settings, SlopeRule};
@@ -132,7 +130,6 @@ impl Fitted {
 type Neighbours = Lists<Weighted>;
 /// Contours along the chains of a contour's seeds in one direction.
 type Chains = Lists<Hop>;
-type Tree = RTree<GeomWithData<[f64; 2], u32>>;
 
 /// Input of the fit.
 pub struct Measured<'s, 'b> {
@@ -192,15 +189,15 @@ impl<'b> Measured<'_, 'b> {
     /// Chains of all contours; slopes are still to come.
     fn links(&self, budget: &'b Budget) -> Result<SpillVec<'b, Fitted>> {
         let count = self.contours.len();
-        let tree = |i: usize| Ok(tree(&self.contours.some(i, Contour::SEEDS)?.seeds, self.h));
+        let seeds_of = |i: usize| Ok(NearSeeds::new(&self.contours.some(i, Contour::SEEDS)?.seeds, self.h));
         let mut links = SpillVec::new(budget);
-        let (mut before, mut own): (Option<Tree>, Tree) = (None, tree(0)?);
+        let (mut before, mut own): (Option<NearSeeds>, NearSeeds) = (None, seeds_of(0)?);
         let mut below: Option<Arc<Sides>> = None;
         for i in 0..count {
-            let next: Option<Tree> = if i + 1 < count { Some(tree(i + 1)?) } else { None };
+            let next: Option<NearSeeds> = if i + 1 < count { Some(seeds_of(i + 1)?) } else { None };
             let above = self.sides_above(i)?;
-            let seeds = own.size();
-            let neighbours = |side: Option<&SideTracks>, next: Option<&Tree>| match (side, next) {
+            let seeds = own.len();
+            let neighbours = |side: Option<&SideTracks>, next: Option<&NearSeeds>| match (side, next) {
                 (Some(side), Some(next)) => {
                     let of = |t: &Track| if t.kept > 0.0 { nearest(next, t.landing, self.h) } else { Vec::new() };
                     Lists::new(&side.tracks.par_iter().map(of).collect::<Vec<_>>())
@@ -221,17 +218,10 @@ impl<'b> Measured<'_, 'b> {
     }
 }
 
-fn tree(seeds: &[Seed], h: [f64; 2]) -> Tree {
-    let points = seeds.iter().zip(0..).map(|(s, k)| GeomWithData::new((s.x * DVec2::from(h)).into(), k));
-    RTree::bulk_load(points.collect())
-}
-
-fn nearest(tree: &Tree, x: DVec2, h: [f64; 2]) -> Vec<Weighted> {
-    let mut found: Vec<Weighted> = tree
-        .nearest_neighbor_iter_with_distance_2((x * DVec2::from(h)).into())
-        .take(NEIGHBOURS)
-        .map(|(p, d2)| Weighted { seed: p.data.into(), weight: (d2.sqrt() + SOFT).powi(-2) })
-        .collect();
+fn nearest(seeds: &NearSeeds, x: DVec2, h: [f64; 2]) -> Vec<Weighted> {
+    let near = seeds.nearest::<NEIGHBOURS>(x * DVec2::from(h)).into_iter();
+    let mut found: Vec<Weighted> =
+        near.map(|(seed, d2)| Weighted { seed: seed.into(), weight: (d2.sqrt() + SOFT).powi(-2) }).collect();
     let farthest = if found.len() == NEIGHBOURS { found[NEIGHBOURS - 1].weight } else { 0.0 };
     // Of seeds that are equally far all count alike.
     let least = 1e-9 * farthest.max(f64::MIN_POSITIVE);
@@ -246,13 +236,18 @@ fn nearest(tree: &Tree, x: DVec2, h: [f64; 2]) -> Vec<Weighted> {
 fn chains(side: Option<&SideTracks>, neighbours: &Neighbours, beyond: Option<&Chains>) -> Chains {
     let (Some(side), Some(beyond)) = (side, beyond) else { return Lists::empty(neighbours.ends.len()) };
     let chain = |(seed, track): (usize, &Track)| {
-        let mut chain = vec![Hop { distance: track.distance, sure: 1.0 }];
+        let mut chain = Vec::with_capacity(CHAIN_REACH);
+        chain.push(Hop { distance: track.distance, sure: 1.0 });
+        let near = neighbours.of(seed);
+        let onward: [(&[Hop], f64); NEIGHBOURS] = std::array::from_fn(|k| {
+            near.get(k).map_or((&[][..], 0.0), |near| (beyond.of(near.seed as usize), near.weight))
+        });
         for hop in 0..CHAIN_REACH - 1 {
             let (mut sum, mut weight) = (0.0, 0.0);
-            for near in neighbours.of(seed) {
-                if let Some(next) = beyond.of(near.seed as usize).get(hop) {
-                    sum += near.weight * next.sure * next.distance;
-                    weight += near.weight * next.sure;
+            for (chain, near) in &onward {
+                if let Some(next) = chain.get(hop) {
+                    sum += near * next.sure * next.distance;
+                    weight += near * next.sure;
                 }
             }
             let sure = track.kept * weight;

@@ -25,6 +25,7 @@ pub(crate) mod matching;
 mod missed_motion;
 mod morph;
 mod moving;
+mod near_seeds;
 pub(crate) mod propagate;
 pub(crate) mod rigid_frames;
 pub mod section;

@@ -135,6 +135,51 @@ pub fn sample_smooth<T: Copy + Into<f64>>(a: &[T], dims: [usize; 2], x: DVec2) -
     wx[0] * columns[0] + wx[1] * columns[1] + wx[2] * columns[2] + wx[3] * columns[3]
 }
 
+/// Positions that are read at once.
+pub const READ_AT_ONCE: usize = 16;
+
+/// Catmull-Rom values at some positions, `[along x, along y]`, each as [`Field::sample_smooth`] gives it.
+#[inline(always)]
+pub fn sample_smooth_lanes(field: &Field, x: &[[f64; READ_AT_ONCE]; 2]) -> [f64; READ_AT_ONCE] {
+    let dims = field.dims;
+    let (mut corners, mut places) = ([[0u32; READ_AT_ONCE]; 2], [[0.0; READ_AT_ONCE]; 2]);
+    for axis in 0..2 {
+        let last = (dims[axis] - 3) as f64;
+        for k in 0..READ_AT_ONCE {
+            let at = x[axis][k].clamp(1.0, last + 1.0);
+            let corner = at.floor().min(last);
+            // The last bits of such a sum are the whole number: other conversions are done one by one.
+            corners[axis][k] = (corner + WHOLE).to_bits() as u32;
+            places[axis][k] = at - corner;
+        }
+    }
+    let mut down = [[0.0; 4]; READ_AT_ONCE];
+    for k in 0..READ_AT_ONCE {
+        down[k] = catmull_rom(places[1][k]);
+    }
+    let mut columns = [[0.0; 4]; READ_AT_ONCE];
+    for k in 0..READ_AT_ONCE {
+        let first = (corners[1][k] as usize - 1) * dims[0] + corners[0][k] as usize - 1;
+        let mut sums = [0.0; 4];
+        for row in 0..4 {
+            let values = &field.data[first + row * dims[0]..][..4];
+            for c in 0..4 {
+                sums[c] += down[k][row] * values[c];
+            }
+        }
+        columns[k] = sums;
+    }
+    let mut out = [0.0; READ_AT_ONCE];
+    for k in 0..READ_AT_ONCE {
+        let (wx, columns) = (catmull_rom(places[0][k]), &columns[k]);
+        out[k] = wx[0] * columns[0] + wx[1] * columns[1] + wx[2] * columns[2] + wx[3] * columns[3];
+    }
+    out
+}
+
+/// Of numbers from here on up to twice as much the last bit is 1.
+pub const WHOLE: f64 = (1u64 << 52) as f64;
+
 /// Lower corner of the cell around `x`, kept `rim` pixels off the edge of the tile, and the place in it.
 #[inline(always)]
 pub fn cell(dims: [usize; 2], x: DVec2, rim: usize) -> ([usize; 2], [f64; 2]) {
@@ -193,6 +238,24 @@ pub fn covered(phi: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn lanes_read_what_each_position_reads() {
+        for dims in [[4, 4], [5, 9], [40, 33]] {
+            let field = Field::from_fn(dims, |i, j| ((i * 7 + j * 13) as f64).sin());
+            for part in 0..20 {
+                // Within the image, at pixels, and beyond it on all sides.
+                let far = |a: usize, k: usize| (0.5 + 0.8 * ((k * (a + 2) + part) as f64 * 0.9).sin()) * dims[a] as f64;
+                let at = |a: usize, k: usize| if k % 5 == 0 { far(a, k).round() } else { far(a, k) };
+                let x = [0, 1].map(|a| std::array::from_fn(|k| at(a, k)));
+                let read = sample_smooth_lanes(&field, &x);
+                for k in 0..READ_AT_ONCE {
+                    let alone = field.sample_smooth(DVec2::new(x[0][k], x[1][k]));
+                    assert_eq!(read[k].to_bits(), alone.to_bits(), "{dims:?}, {} {}", x[0][k], x[1][k]);
+                }
+            }
+        }
+    }
 
     #[test]
     fn a_normal_is_the_unit_gradient_wherever_it_is_read() {

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use crate::contour::Contour;
 use crate::contour::seeds::Seed;
-use crate::grid::field::Field;
+use crate::grid::field::{Field, READ_AT_ONCE, sample_smooth_lanes};
 use crate::grid::tile::samples;
 use crate::registration::displacement::Displacement;
 use crate::registration::motion_field::{MotionField, PASSES, Paths};
@@ -84,9 +84,19 @@ fn moved<'c>(
 /// Row `j` of a field, each pixel read from where its way with this sign leads; never 0.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw", "x86_64+avx2"))]
 fn moved_row(phi: &Field, (ways, sign): (&[DVec2], f64), j: usize, row: &mut [f64]) {
-    for (i, (out, way)) in row.iter_mut().zip(ways).enumerate() {
-        let v = phi.sample_smooth(DVec2::new(i as f64, j as f64) + sign * way);
-        *out = if v == 0.0 { f64::MIN_POSITIVE } else { v };
+    for (part, (out, ways)) in row.chunks_mut(READ_AT_ONCE).zip(ways.chunks(READ_AT_ONCE)).enumerate() {
+        let mut some = [DVec2::ZERO; READ_AT_ONCE];
+        some[..ways.len()].copy_from_slice(ways);
+        let mut x = [[0.0; READ_AT_ONCE]; 2];
+        for k in 0..READ_AT_ONCE {
+            x[0][k] = (part * READ_AT_ONCE + k) as f64 + sign * some[k].x;
+            x[1][k] = j as f64 + sign * some[k].y;
+        }
+        let mut read = sample_smooth_lanes(phi, &x);
+        for v in &mut read {
+            *v = if *v == 0.0 { f64::MIN_POSITIVE } else { *v };
+        }
+        out.copy_from_slice(&read[..out.len()]);
     }
 }
 

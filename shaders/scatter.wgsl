@@ -18,12 +18,15 @@ const RADIUS: f32 = 1.5;
 // What `at` says of pixels at a contour that are not known yet; NONE of those that are at no contour.
 const UNKNOWN: u32 = 0xfffffffeu;
 
-// Seeds come in the order of their bins, which are numbered over all jobs.
+// Seeds come in the order of their bins, which are numbered over all jobs. Single numbers: vectors would make a seed longer by their alignment.
 struct Seed {
-    course: vec4<f32>,
-    x: vec2<f32>,
+    s: f32,
+    m0: f32,
+    m1: f32,
+    ok: f32,
+    x: f32,
+    y: f32,
     bin: u32,
-    padding: u32,
 }
 
 // For each band place the round in which it became known, behind the number of the round that is being filled.
@@ -83,9 +86,10 @@ fn scatter(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
         let first = bins[jobs[q].first_bin + row * bins_x + max(cell.x, 1u) - 1u];
         let last = bins[jobs[q].first_bin + row * bins_x + min(cell.x + 1u, bins_x - 1u) + 1u];
         for (var s = first; s < last; s++) {
-            let near = max(1.0 - length((seeds[s].x - x) * h) / RADIUS, 0.0);
+            let seed = seeds[s];
+            let near = max(1.0 - length((vec2<f32>(seed.x, seed.y) - x) * h) / RADIUS, 0.0);
             total += near * near;
-            sum += near * near * seeds[s].course;
+            sum += near * near * vec4<f32>(seed.s, seed.m0, seed.m1, seed.ok);
         }
     }
     if total > 1e-6 {

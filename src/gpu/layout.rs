@@ -275,8 +275,8 @@ mirrored!(
 );
 
 mirrored!(
-    /// A seed with its course (`scatter.wgsl`).
-    Seed { course: [f32; 4], x: [f32; 2], bin: u32, padding: u32, }
+    /// A seed with its course `[s, m0, m1, ok]` (`scatter.wgsl`), of single numbers: vectors would make it longer by their alignment.
+    Seed { s: f32, m0: f32, m1: f32, ok: f32, x: f32, y: f32, bin: u32, }
 );
 
 mirrored!(

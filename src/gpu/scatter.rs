@@ -112,11 +112,9 @@ pub fn place_seeds<'s>(slots: &mut [Job], jobs: impl Iterator<Item = Valued<'s>>
         };
         let mut order: Vec<(usize, usize)> = job.seeds.iter().enumerate().map(|(k, x)| (bin(x), k)).collect();
         order.sort_unstable();
-        let seed = |&(bin, k): &(usize, usize)| Seed {
-            course: job.values[k].map(|v| v as f32),
-            x: job.seeds[k].as_vec2().into(),
-            bin: bin as u32,
-            padding: 0,
+        let seed = |&(bin, k): &(usize, usize)| {
+            let ([s, m0, m1, ok], [x, y]) = (job.values[k].map(|v| v as f32), job.seeds[k].as_vec2().into());
+            Seed { s, m0, m1, ok, x, y, bin: bin as u32 }
         };
         (cells, order.iter().map(seed).collect::<Vec<Seed>>())
     };

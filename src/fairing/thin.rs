@@ -29,6 +29,8 @@ pub struct Thin<'l> {
     least: Vec<f32>,
     largest: Vec<f32>,
     inside: Vec<f32>,
+    /// The same of each window.
+    windows: [Vec<f32>; 3],
     /// Area of a pixel, px of the larger side.
     area: f64,
 }
@@ -40,7 +42,7 @@ impl<'l> Thin<'l> {
         let reach = spacing.map(|s| (REACH * side / s).round() as usize);
         let area = spacing[0] * spacing[1] / (side * side);
         let [row, least, largest, inside] = [const { Vec::new() }; 4];
-        Thin { phi, side, reach, row, least, largest, inside, area }
+        Thin { phi, side, reach, row, least, largest, inside, windows: Default::default(), area }
     }
 
     /// The shares of the pixels of row `j` from `first` on, whose distances are `own`.
@@ -68,16 +70,33 @@ impl<'l> Thin<'l> {
         }
         let px = |v: f32| f64::from(v) / self.side;
         let between = |v: f64, [low, high]: [f64; 2]| smoothstep((v - low) / (high - low));
+        // The windows' own, column by column of all of them: sums of whole numbers and bounds are the same in any order.
+        let [least, largest, inside] = &mut self.windows;
+        for (line, at) in [(&mut *least, f32::INFINITY), (&mut *largest, f32::NEG_INFINITY), (&mut *inside, 0.0)] {
+            line.clear();
+            line.resize(own.len(), at);
+        }
+        for shift in 0..2 * across + 1 {
+            // Column `first + k + shift - across` of each, as far as there is one.
+            let skipped = (across + columns.start).saturating_sub(first + shift);
+            let from = first + shift + skipped - across - columns.start;
+            let count = own.len().saturating_sub(skipped).min(columns.len().saturating_sub(from));
+            if count == 0 {
+                continue;
+            }
+            let [to, of] = [skipped..skipped + count, from..from + count];
+            least[to.clone()].iter_mut().zip(&self.least[of.clone()]).for_each(|(least, v)| *least = least.min(*v));
+            largest[to.clone()].iter_mut().zip(&self.largest[of.clone()]).for_each(|(most, v)| *most = most.max(*v));
+            inside[to].iter_mut().zip(&self.inside[of]).for_each(|(sum, v)| *sum += v);
+        }
         out.clear();
         out.extend(own.iter().enumerate().map(|(k, own)| {
             let at = first + k - columns.start;
             let window = at.saturating_sub(across)..(at + across + 1).min(columns.len());
-            let inside: f32 = self.inside[window.clone()].iter().sum();
             let all = (rows.len() * window.len()) as f64;
-            let deepest = -self.least[window.clone()].iter().copied().fold(f32::INFINITY, f32::min);
-            let farthest = self.largest[window].iter().copied().fold(f32::NEG_INFINITY, f32::max);
+            let inside = f64::from(inside[k]);
             let of = |depth: f32, pixels: f64| (1.0 - between(px(depth), DEPTHS)) * between(self.area * pixels, AREAS);
-            let thin = f64::max(of(deepest, f64::from(inside)), of(farthest, all - f64::from(inside)));
+            let thin = f64::max(of(-least[k], inside), of(largest[k], all - inside));
             (1.0 - thin * (1.0 - between(px(own.abs()), AT_SURFACE))) as f32
         }));
     }

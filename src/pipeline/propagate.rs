@@ -5,6 +5,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use glam::DVec2;
+use rayon::prelude::*;
 
 use super::context::{Context, Sink, time};
 use super::ends::{above, below};
@@ -147,7 +148,7 @@ fn morph_chunk<'a>(
     let mut out = Vec::with_capacity(morphed.len());
     for (Morphed { layers, swept }, i) in morphed.into_iter().zip(chunk) {
         let between = || format!("between heights {} and {}", contours.light(i).z, contours.light(i + 1).z);
-        if layers.iter().any(|layer| layer.values().any(f32::is_nan)) {
+        if layers.par_iter().any(SparseImage::has_nan) {
             return Err(Error::Numerics { stage: "propagate", message: format!("NaN {}", between()) });
         }
         for [up, down] in &swept {

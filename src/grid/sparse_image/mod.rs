@@ -161,9 +161,11 @@ impl<T: Pod + Send + Sync> SparseImage<T> {
     #[inline(always)]
     pub fn corners(&self, i: usize, j: usize, right: usize, up: usize) -> [T; 4] {
         if i % SQUARE + right < SQUARE && j % SQUARE + up < SQUARE {
-            let square = &self.values[self.start(i, j)..][..AREA];
+            let square = self.square([i / SQUARE, j / SQUARE]);
             let at = (j % SQUARE) * SQUARE + i % SQUARE;
-            return [square[at], square[at + right], square[at + up * SQUARE], square[at + up * SQUARE + right]];
+            // All four lie in the square: the remainder changes nothing, and spares asking whether they do.
+            let above = at + up * SQUARE;
+            return [square[at], square[(at + right) % AREA], square[above % AREA], square[(above + right) % AREA]];
         }
         [self.at(i, j), self.at(i + right, j), self.at(i, j + up), self.at(i + right, j + up)]
     }
@@ -280,6 +282,14 @@ impl<T: Pod + Send + Sync> IndexMut<usize> for SparseImage<T> {
 impl<T: Pod + Send + Sync + PartialEq> PartialEq for SparseImage<T> {
     fn eq(&self, other: &Self) -> bool {
         self.dims == other.dims && self.iter().eq(other.iter())
+    }
+}
+
+impl SparseImage<f32> {
+    /// Whether any value is not a number.
+    pub fn has_nan(&self) -> bool {
+        // A square at a time, all of whose values are looked at together.
+        self.values.chunks(AREA).any(|square| square.iter().fold(false, |nan, v| nan | v.is_nan()))
     }
 }
 

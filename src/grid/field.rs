@@ -160,14 +160,12 @@ pub fn sample_smooth_lanes(field: &Field, x: &[[f64; READ_AT_ONCE]; 2]) -> [f64;
     let mut columns = [[0.0; 4]; READ_AT_ONCE];
     for k in 0..READ_AT_ONCE {
         let first = (corners[1][k] as usize - 1) * dims[0] + corners[0][k] as usize - 1;
-        let mut sums = [0.0; 4];
-        for row in 0..4 {
+        for (row, w) in down[k].iter().enumerate() {
             let values = &field.data[first + row * dims[0]..][..4];
-            for c in 0..4 {
-                sums[c] += down[k][row] * values[c];
+            for (sum, v) in columns[k].iter_mut().zip(values) {
+                *sum += w * v;
             }
         }
-        columns[k] = sums;
     }
     let mut out = [0.0; READ_AT_ONCE];
     for k in 0..READ_AT_ONCE {

@@ -13,7 +13,7 @@ use glam::DVec2;
 use multiversion::multiversion;
 use rayon::prelude::*;
 
-use crate::grid::field::Field;
+use crate::grid::field::{Field, WHOLE};
 use crate::grid::sparse_image::SparseImage;
 use crate::storage::spill::{Array, Large};
 
@@ -188,11 +188,6 @@ impl Displacement {
         bilinear([below[0], below[1], above[0], above[1]], [fx, fy])
     }
 
-    /// The vectors at pixels of row `j` from `first` on.
-    pub fn read_row(&self, j: usize, first: usize, out: &mut [DVec2]) {
-        read_row(self, j, first, out);
-    }
-
     /// Bounds `[least, largest]` of the vectors at the pixels from `first` to `last`, both included.
     pub fn range(&self, first: [usize; 2], last: [usize; 2]) -> [DVec2; 2] {
         let [columns, rows] = [0, 1].map(|a| self.place(a, first[a] as f64).0..=self.place(a, last[a] as f64).0 + 1);
@@ -226,12 +221,46 @@ impl Displacement {
         self.map_rows(|row, nodes, out| {
             for (part, (some, out)) in nodes.chunks(LANES).zip(out.chunks_mut(LANES)).enumerate() {
                 let first = part * LANES;
-                let x = [std::array::from_fn(|k| self.along(0, first + k)), [self.along(1, row); LANES]];
-                let own = [0, 1].map(|a| std::array::from_fn(|k| some.get(k).map_or(0.0, |v| v[a])));
+                let (x, own) = self.lanes(row, first, some);
                 let [along, across] = f(row * self.grid[0] + first, &x, &own);
                 out.iter_mut().zip(along.into_iter().zip(across)).for_each(|(to, v)| *to = DVec2::from(v));
             }
         })
+    }
+
+    /// Two displacements with values for some nodes at once, as [`Displacement::map_lanes`] makes one; `f` is given places and own vectors.
+    pub fn map_lanes_twice(&self, f: impl Fn(&Lanes, &Lanes) -> [Lanes; 2] + Sync) -> [Self; 2] {
+        let mut vectors = [(); 2].map(|()| vec![DVec2::ZERO; self.vectors.len()]);
+        let columns = self.grid[0].max(1);
+        let row = |row: usize, nodes: &[DVec2], [a, b]: [&mut [DVec2]; 2]| {
+            let parts = nodes.chunks(LANES).zip(a.chunks_mut(LANES)).zip(b.chunks_mut(LANES));
+            for (part, ((some, a), b)) in parts.enumerate() {
+                let (x, own) = self.lanes(row, part * LANES, some);
+                for (out, [along, across]) in [a, b].into_iter().zip(f(&x, &own)) {
+                    out.iter_mut().zip(along.into_iter().zip(across)).for_each(|(to, v)| *to = DVec2::from(v));
+                }
+            }
+        };
+        let [a, b] = &mut vectors;
+        if self.vectors.len() < 2 * NODES_OF_A_THREAD {
+            let rows = self.vectors.chunks_exact(columns).zip(a.chunks_exact_mut(columns));
+            let rows = rows.zip(b.chunks_exact_mut(columns)).enumerate();
+            rows.for_each(|(j, ((nodes, a), b))| row(j, nodes, [a, b]));
+        } else {
+            let rows = self.vectors.par_chunks_exact(columns).zip(a.par_chunks_exact_mut(columns));
+            let rows = rows.zip(b.par_chunks_exact_mut(columns)).enumerate();
+            let rows = rows.with_min_len(NODES_OF_A_THREAD.div_ceil(columns));
+            rows.for_each(|(j, ((nodes, a), b))| row(j, nodes, [a, b]));
+        }
+        vectors.map(|vectors| self.with(vectors))
+    }
+
+    /// Places and own vectors of `some` nodes of a row from column `first` on.
+    #[inline]
+    fn lanes(&self, row: usize, first: usize, some: &[DVec2]) -> (Lanes, Lanes) {
+        let x = [std::array::from_fn(|k| self.along(0, first + k)), [self.along(1, row); LANES]];
+        let own = [0, 1].map(|a| std::array::from_fn(|k| some.get(k).map_or(0.0, |v| v[a])));
+        (x, own)
     }
 
     /// The vectors at some positions, each as [`Displacement::at`] gives it.
@@ -255,9 +284,12 @@ impl Displacement {
 fn at_lanes(v: &Displacement, x: &Lanes) -> Lanes {
     let (mut cells, mut places) = ([[0u32; LANES]; 2], [[0.0; LANES]; 2]);
     for a in 0..2 {
+        let last = (v.grid[a] - 1) as f64;
         for k in 0..LANES {
-            let (before, place) = place(v.grid[a], v.origin[a], x[a][k]);
-            (cells[a][k], places[a][k]) = (before as u32, place);
+            let at = ((x[a][k] - v.origin[a]) / BLOCK as f64).clamp(0.0, last);
+            let before = at.floor().min(last - 1.0);
+            // The last bits of such a sum are the whole number: other conversions are done one by one.
+            (cells[a][k], places[a][k]) = ((before + WHOLE).to_bits() as u32, at - before);
         }
     }
     let mut corners = [[[0.0; LANES]; 2]; 4];
@@ -278,60 +310,6 @@ fn at_lanes(v: &Displacement, x: &Lanes) -> Lanes {
         }
     }
     out
-}
-
-/// See [`Displacement::read_row`]. The nodes above and below are brought to the row once for all pixels between.
-#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw", "x86_64+avx2"))]
-fn read_row(v: &Displacement, j: usize, first: usize, mut out: &mut [DVec2]) {
-    let (row, fy) = v.place(1, j as f64);
-    let (below, above) = v.vectors[row * v.grid[0]..][..2 * v.grid[0]].split_at(v.grid[0]);
-    let mut i = first;
-    while !out.is_empty() {
-        let (column, fx) = v.place(0, i as f64);
-        let nodes = (&below[column..], &above[column..]);
-        // Pixels before the next node; one at a time from the last node on.
-        let count = (((1.0 - fx) * BLOCK as f64).ceil() as usize).clamp(1, out.len());
-        // Wherever the first pixel lies, all pairs of blocks lie alike.
-        let pairs = (out.len() / PAIR).min((nodes.0.len() - 2) / 2);
-        let taken = if pairs > 0 { pairs * PAIR } else { count };
-        let (some, rest) = std::mem::take(&mut out).split_at_mut(taken);
-        match count {
-            _ if pairs == 0 => read_before(nodes, [fx, fy], some),
-            1 => read_pairs::<1>(nodes, [fx, fy], some),
-            2 => read_pairs::<2>(nodes, [fx, fy], some),
-            3 => read_pairs::<3>(nodes, [fx, fy], some),
-            _ => read_pairs::<BLOCK>(nodes, [fx, fy], some),
-        }
-        (i, out) = (i + taken, rest);
-    }
-}
-
-/// Pixels of two blocks, which are read at once.
-const PAIR: usize = 2 * BLOCK;
-/// Side of a pixel as a share of a block's.
-const STEP: f64 = 1.0 / BLOCK as f64;
-
-/// The vectors at pixels of a row, the first at place `[fx, fy]` between nodes of two rows and all before the next ones.
-#[inline(always)]
-fn read_before((below, above): (&[DVec2], &[DVec2]), [fx, fy]: [f64; 2], out: &mut [DVec2]) {
-    let [left, right] = [0, 1].map(|k| below[k].lerp(above[k], fy));
-    out.iter_mut().enumerate().for_each(|(k, slot)| *slot = left.lerp(right, fx + STEP * k as f64));
-}
-
-/// Displacements at pairs of blocks, of whose pixels `BEFORE` lie before the next nodes.
-#[inline(always)]
-fn read_pairs<const BEFORE: usize>((below, above): (&[DVec2], &[DVec2]), [fx, fy]: [f64; 2], out: &mut [DVec2]) {
-    for (pair, out) in out.chunks_exact_mut(PAIR).enumerate() {
-        let (below, above) = (&below[2 * pair..][..4], &above[2 * pair..][..4]);
-        let mut nodes = [DVec2::ZERO; 4];
-        for (k, node) in nodes.iter_mut().enumerate() {
-            *node = below[k].lerp(above[k], fy);
-        }
-        for (k, slot) in out.iter_mut().enumerate() {
-            let node = (k + BLOCK - BEFORE) / BLOCK;
-            *slot = nodes[node].lerp(nodes[node + 1], fx + STEP * k as f64 - node as f64);
-        }
-    }
 }
 
 /// Along an axis of so many nodes, the first at `origin`, the node before a position, and the place between it and the next.

@@ -2,6 +2,7 @@
 
 pub mod cells;
 pub mod displacement;
+pub mod displacement_row;
 pub mod lone_parts;
 pub(crate) mod mid_frame;
 pub mod motion_field;

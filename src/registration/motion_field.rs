@@ -139,15 +139,17 @@ impl MotionField {
         let (v, [low, high]) = (&*self.displacements[i], &*self.through_middle[i]);
         let way = |u: f64, low: f64, high: f64| curve(t, u, [low, high]) - 0.5 * u;
         let off = v.zip([low, high], |u, [low, high]| DVec2::new(way(u.x, low.x, high.x), way(u.y, low.y, high.y)));
-        let middle = off.map_lanes(|_, x, first| {
+        let [come, go] = off.map_lanes_twice(|x, first| {
             let back = |off: &Lanes| [0, 1].map(|a| std::array::from_fn(|k| x[a][k] - off[a][k]));
-            back(&(1..displacement::PASSES).fold(*first, |found, _| off.at_lanes(&back(&found))))
+            let middle = back(&(1..displacement::PASSES).fold(*first, |found, _| off.at_lanes(&back(&found))));
+            let (mut come, mut go) = (off.at_lanes(&middle), v.at_lanes(&middle));
+            // Halves are exact: at the slices themselves nothing is left.
+            for (come, go) in come.as_flattened_mut().iter_mut().zip(go.as_flattened_mut()) {
+                *come += 0.5 * *go;
+                *go -= *come;
+            }
+            [come, go]
         });
-        let come = middle.map_lanes(|_, _, m| off.at_lanes(m));
-        let go = middle.map_lanes(|_, _, m| v.at_lanes(m));
-        // Halves are exact: at the slices themselves nothing is left.
-        let come = come.zip([&go], |come, [go]| come + 0.5 * go);
-        let go = go.zip([&come], |go, [come]| go - come);
         Paths { come, go }
     }
 

@@ -8,25 +8,37 @@ const SLACK: f32 = 0.05;
 /// A correction c of a distance u that leaves the ranges of both contours' distances by no more than SLACK: with the room
 /// `max(0, max(a, b) - u) + SLACK` above u, mirrored below, the narrower of two ranges, `c / (1 + (|c| / room)^8)^(1/8)`. `side` is the length
 /// of a pixel's larger side.
-#[inline]
-pub fn limited(c: f32, u: f32, ranges: [[f32; 2]; 2], side: f32) -> f32 {
-    let room = ranges.into_iter().fold(f32::INFINITY, |least, range| least.min(room(c, u, range, side)));
-    let ratio = (c / room).powi(2);
-    let eighth = ratio.powi(4);
+#[inline(always)]
+pub fn limited(c: f32, u: f32, [one, other]: [[f32; 2]; 2], side: f32) -> f32 {
+    let room = room(c, u, one, side).min(room(c, u, other, side));
+    let share = c / room;
+    let ratio = share * share;
+    let eighth = (ratio * ratio) * (ratio * ratio);
     // Beyond this the eighth root is the ratio itself, in single precision.
     if ratio > 100.0 { room.copysign(c) } else { c / (1.0 + eighth).sqrt().sqrt().sqrt() }
 }
 
 /// Correction cut off where the room ends: a curve through corrections that are [`limited`] may swing beyond them, the more the less the gaps on both
 /// sides of a contour are alike, and is left alone where it does not.
-#[inline]
+#[inline(always)]
 pub fn cut(c: f32, u: f32, range: [f32; 2], side: f32) -> f32 {
-    let room = room(c, u, range, side);
-    c.clamp(-room, room)
+    bounded(c, room(c, u, range, side))
+}
+
+/// A value no farther from 0 than `most`: `clamp` asks at each pixel whether its bounds are in order.
+#[inline(always)]
+pub fn bounded(v: f32, most: f32) -> f32 {
+    if v < -most {
+        -most
+    } else if v > most {
+        most
+    } else {
+        v
+    }
 }
 
 /// Room of a distance u to move towards the side of c.
-#[inline]
+#[inline(always)]
 fn room(c: f32, u: f32, [a, b]: [f32; 2], side: f32) -> f32 {
     let own = if c > 0.0 { a.max(b) - u } else { u - a.min(b) };
     own.max(0.0) + SLACK * side
@@ -37,7 +49,7 @@ const ALONE: [f64; 2] = [0.8, 0.98];
 
 /// Share to which the surface goes on from one contour to another whose distances there are these, at most `farthest`: 1 where both have a surface, 0
 /// where one has none.
-#[inline]
+#[inline(always)]
 pub fn goes_on(distances: [f32; 2], farthest: f64) -> f32 {
     let farther = f64::from(distances[0].abs().max(distances[1].abs())) / farthest;
     smoothstep((ALONE[1] - farther) / (ALONE[1] - ALONE[0])) as f32

@@ -14,6 +14,7 @@
 
 mod along;
 mod correction;
+mod difference;
 mod flatness;
 mod kept;
 mod level;
@@ -21,6 +22,7 @@ mod limit;
 mod near;
 mod nodes;
 mod plane;
+mod rise;
 mod thin;
 mod transform;
 
@@ -28,10 +30,11 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::ops::Range;
 use std::sync::Arc;
 
+use multiversion::multiversion;
 use rayon::prelude::*;
 
 use self::kept::{Node, Transformed, WaitingLayer, blocks_near};
-use self::limit::cut;
+use self::limit::{bounded, cut};
 use self::near::{NearSquares, widest};
 pub use self::nodes::Nodes;
 use self::transform::{Lengths, transform};
@@ -305,16 +308,11 @@ impl<'m> Fairing<'m> {
             for (correction, w) in &terms {
                 sum.iter_mut().zip(correction.square(square)).for_each(|(sum, c)| *sum += w * c);
             }
-            let ends = ends.map(|end| end.map(|phi| phi.square(square)));
-            for (n, (u, mut c)) in out.iter_mut().zip(sum).enumerate().filter(|(_, (_, c))| *c != 0.0) {
-                if let (true, [Some(low), Some(high)]) = (self.spec.limited, ends) {
-                    c = cut(c, *u, [low[n], high[n]], side);
-                }
-                *u = (*u + c).clamp(-farthest, farthest);
-                if *u == 0.0 {
-                    *u = f32::MIN_POSITIVE;
-                }
-            }
+            let ends = match ends {
+                [Some(low), Some(high)] if self.spec.limited => Some([low.square(square), high.square(square)]),
+                _ => None,
+            };
+            shift(out, &sum, ends, [farthest, side]);
             [None]
         });
         waiting.with(phi)
@@ -332,6 +330,22 @@ impl<'m> Fairing<'m> {
         while self.first < needed && self.kept.pop_front().is_some() {
             self.first += 1;
         }
+    }
+}
+
+/// Moves the distances of a square by `sum`, cut off where it swings beyond the range of both `ends`, where there are such; never to 0.
+#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw", "x86_64+avx2"))]
+fn shift(out: &mut [f32; AREA], sum: &[f32; AREA], ends: Option<[&[f32; AREA]; 2]>, [farthest, side]: [f32; 2]) {
+    let mut moved = *sum;
+    if let Some([low, high]) = ends {
+        for n in 0..AREA {
+            moved[n] = cut(sum[n], out[n], [low[n], high[n]], side);
+        }
+    }
+    for n in 0..AREA {
+        let u = bounded(out[n] + moved[n], farthest);
+        let u = if u == 0.0 { f32::MIN_POSITIVE } else { u };
+        out[n] = if sum[n] != 0.0 { u } else { out[n] };
     }
 }
 

@@ -15,6 +15,7 @@ const FADE: [f32; 2] = [0.82, 0.88];
 const RUN: usize = 16;
 
 /// Nearness to the surface of a pixel at `|v| / B`, 1 to 0.
+#[inline(always)]
 pub fn nearness(ratio: f32) -> f64 {
     smoothstep(f64::from((SATURATED - ratio) / (SATURATED - NEAR)))
 }

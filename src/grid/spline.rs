@@ -26,7 +26,7 @@ pub fn bend(&[s, m0, m1, _]: &HermiteArc, t: f64, dt: f64) -> [f64; 2] {
 }
 
 /// Smooth step from 0 at `t <= 0` to 1 at `t >= 1`: `3 t^2 - 2 t^3`.
-#[inline]
+#[inline(always)]
 pub fn smoothstep(t: f64) -> f64 {
     let t = t.clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)

@@ -244,7 +244,7 @@ mod tests {
             for part in 0..20 {
                 // Within the image, at pixels, and beyond it on all sides.
                 let far = |a: usize, k: usize| (0.5 + 0.8 * ((k * (a + 2) + part) as f64 * 0.9).sin()) * dims[a] as f64;
-                let at = |a: usize, k: usize| if k % 5 == 0 { far(a, k).round() } else { far(a, k) };
+                let at = |a: usize, k: usize| if k.is_multiple_of(5) { far(a, k).round() } else { far(a, k) };
                 let x = [0, 1].map(|a| std::array::from_fn(|k| at(a, k)));
                 let read = sample_smooth_lanes(&field, &x);
                 for k in 0..READ_AT_ONCE {

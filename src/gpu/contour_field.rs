@@ -233,7 +233,7 @@ fn run(
         match options.anti_alias {
             AntiAlias::None => (sides, None),
             AntiAlias::Kernel => {
-                let (smooth, clips) = tables.kernels(gpu, &mut recorder, &sides, options.sigma)?;
+                let [smooth, clips] = tables.kernels(gpu, &mut recorder, &sides, options.sigma)?;
                 (smooth, Some((sides, clips)))
             }
             AntiAlias::Eq6 => {
@@ -314,7 +314,7 @@ impl Tables {
         recorder: &mut Recorder<'_>,
         sides: &Buffer<[f32]>,
         sigma: f64,
-    ) -> Result<(Buffer<[f32]>, Buffer<[f32]>)> {
+    ) -> Result<[Buffer<[f32]>; 2]> {
         let Tables { nodes, params, .. } = self;
         let storage = |label| gpu.device.storage(label, *nodes);
         let (half, once, twice) = (storage("half")?, &storage("once")?, &storage("twice")?);
@@ -342,7 +342,7 @@ impl Tables {
         let rule = Rule { mask_floor: (MASK_FLOOR / kernel_slope(sigma)) as f32, ..rule(&[]) };
         let rule = &gpu.device.uniform("rule", rule);
         recorder.run(&HoldSides { params, rule, first: smooth, sides, result: &half }.bind(gpu), list);
-        Ok((half, clips))
+        Ok([half, clips])
     }
 
     /// Records a Gaussian from the first buffer to the last.

@@ -245,9 +245,9 @@ mod tests {
 
     #[test]
     fn what_bends_more_than_a_kernel_is_not_smoothed_by_it() {
-        // Teeth of 3 px, and a wall of 2 px beside one of 3 px.
+        // Teeth of 3 px, and walls of a pixel.
         let teeth = |x: DVec2| x.y < if x.x.rem_euclid(6.0) < 3.0 { 3.4 } else { -2.6 };
-        let walls = |x: DVec2| x.x.abs() < 1.2 || (x.x - 9.0).abs() < 1.7;
+        let walls = |x: DVec2| x.x.abs() < 0.6 || (x.x + 0.3 * x.y - 9.0).abs() < 0.5;
         let alone = |is_inside: &dyn Fn(DVec2) -> bool| {
             let place = |n: usize| DVec2::new((n % SIDE) as f64 - 32.0, (n / SIDE) as f64 - 32.0);
             let value = |n: usize| if is_inside(place(n)) { -0.5 } else { 0.5 };

@@ -1,6 +1,5 @@
-// From a slice to its level set: half a pixel to either side of a mask, anti-aliasing with `2 G - G * G` as wide as the pixels allow, the side of every
-// pixel kept, the limit by the exact distance, the conditioned values put in, and the area of the mask restored. The twin is
-// src/reference/contour_field.rs.
+// From a slice to its level set: half a pixel to either side of a mask, anti-aliasing with `2 G - G * G`, the side of every pixel kept, the limit by
+// the exact distance, the conditioned values put in, and the area of the mask restored. The twin is src/reference/contour_field.rs.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<uniform> rule: Rule;
@@ -12,18 +11,12 @@
 @group(0) @binding(7) var<storage, read_write> result: array<f32>;
 @group(0) @binding(8) var<storage, read_write> lengths: array<f32>;
 @group(0) @binding(9) var<storage, read> mask: array<u32>;
-@group(0) @binding(10) var<storage, read> depths: array<f32>;
-@group(0) @binding(11) var<storage, read_write> shares: array<f32>;
-@group(0) @binding(12) var<storage, read_write> clips: array<f32>;
-@group(0) @binding(13) var<storage, read_write> beside: array<f32>;
-@group(0) @binding(14) var<storage, read> weights: array<f32>;
 
-// Weights of a Gaussian at a distance of 0, half of the middle's, to `reach`, in groups of four; smallest |value| that keeps a pixel's side; largest move
-// from the exact distance; how far conditioned values count; least length of contour that an area is divided by; largest move for an area; square of a
-// gradient that tells of no direction; largest move by a wider kernel, 1 over the slope of a kernel's contour, the depth to which pixels contradict it,
-// how far from the contour pixels count for that, and what contradicts where none is.
+// Weights of a Gaussian in groups of four, `reach` to each side; smallest |value| that keeps a pixel's side; largest move from the exact
+// distance; how far conditioned values count; least length of contour that an area is divided by; largest move
+// for an area; square of a gradient that tells of no direction.
 struct Rule {
-    weights: array<vec4<f32>, 21>,
+    weights: array<vec4<f32>, 11>,
     reach: u32,
     vertical: u32,
     mask_floor: f32,
@@ -33,13 +26,9 @@ struct Rule {
     least_length: f32,
     most_shift: f32,
     flat_square: f32,
-    wider_clip: f32,
-    per_slope: f32,
-    contradicted: f32,
-    beside: f32,
-    nothing_beside: f32,
     padding_a: u32,
     padding_b: u32,
+    padding_c: u32,
 }
 
 fn keep_side(v: f32, side: f32, floor: f32) -> f32 {
@@ -79,55 +68,19 @@ fn gaussian(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_i
     let stride = select(1u, nx, rule.vertical == 1u);
     let origin = node - at * stride;
     var sum = 0.0;
-    for (var left = rule.reach + 1u; left > 0u; left--) {
-        let off = left - 1u;
-        let low = first[origin + (at - min(off, at)) * stride];
-        let high = first[origin + min(at + off, last) * stride];
-        sum += rule.weights[off / 4u][off % 4u] * (low + high);
+    for (var k = 0u; k <= 2u * rule.reach; k++) {
+        let reading = min(max(at + k, rule.reach) - rule.reach, last);
+        sum += rule.weights[k / 4u][k % 4u] * first[origin + reading * stride];
     }
     result[node] = sum;
 }
 
-// `2 G u - G G u` over its slope.
-fn kernel(node: u32) -> f32 {
-    return (2.0 * first[node] - second[node]) * rule.per_slope;
-}
-
-// What a kernel makes of the mask, of which all is left to wider ones, and how near its contour a pixel lies.
+// `2 G u - G G u` on the mask's side.
 @compute @workgroup_size(lane_count)
 fn sharpen(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let node = list_index(group, local);
     if node < params.block_count * BLOCK {
-        let v = kernel(node);
-        result[node] = v;
-        beside[node] = max(rule.beside - abs(v), 0.0);
-        shares[node] = 1.0;
-        clips[node] = rule.kernel_clip;
-    }
-}
-
-// Square of the depth to which a pixel lies on the wrong side of a wider kernel's contour, samples, by how near the first one's it lies.
-@compute @workgroup_size(lane_count)
-fn contradict(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
-    let node = list_index(group, local);
-    if node < params.block_count * BLOCK {
-        let depth = clamp(-kernel(node) * sign(sides[node]), 0.0, 1.0);
-        result[node] = beside[node] * depth * depth;
-    }
-}
-
-// What a wider kernel makes of the mask, as far as the pixels around do not contradict it.
-@compute @workgroup_size(lane_count)
-fn widen(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
-    let node = list_index(group, local);
-    if node < params.block_count * BLOCK {
-        let mean = (depths[node] + rule.nothing_beside) / (weights[node] + rule.nothing_beside);
-        let over = min(0.5 * mean / (rule.contradicted * rule.contradicted), 1.0);
-        let kept = 1.0 - over * over;
-        let share = shares[node] * kept * kept;
-        shares[node] = share;
-        clips[node] += share * (rule.wider_clip - clips[node]);
-        result[node] += share * (kernel(node) - result[node]);
+        result[node] = keep_side(2.0 * first[node] - second[node], sides[node], rule.mask_floor);
     }
 }
 
@@ -140,12 +93,12 @@ fn hold_sides(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
     }
 }
 
-// `result` no farther from the exact distance `first` than the kernels may move it.
+// `result` no farther than KERNEL_CLIP from the exact distance `first`.
 @compute @workgroup_size(lane_count)
 fn limit(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let node = list_index(group, local);
     if node < params.block_count * BLOCK {
-        result[node] = clamp(result[node], first[node] - clips[node], first[node] + clips[node]);
+        result[node] = clamp(result[node], first[node] - rule.kernel_clip, first[node] + rule.kernel_clip);
     }
 }
 

@@ -19,8 +19,7 @@ pub enum AntiAlias {
     None,
     /// Ten iterations of the reinitialisation equation on the binary field (the paper's way).
     Eq6,
-    /// Smoothing with `2G - G*G`, which has no second moment and so shrinks nothing, as wide as no pixel contradicts, within 0.25 to 0.5 px of the
-    /// exact distance.
+    /// Smoothing with `2G - G*G`, which has no second moment and so shrinks nothing, within 0.25 px of the exact distance.
     Kernel,
 }
 
@@ -216,7 +215,7 @@ pub struct Settings {
     #[arg(long, value_enum, default_value_t = Settings::default().anti_alias)]
     pub anti_alias: AntiAlias,
 
-    /// Width of the anti-aliasing kernel where the contour bends much, samples, (0, 5]; where no pixel contradicts it is up to four times as wide
+    /// Width of the anti-aliasing kernel, samples, (0, 5]
     #[arg(long, value_name = "PX", default_value_t = Settings::default().sigma)]
     pub sigma: f64,
 

@@ -1,7 +1,5 @@
 //! Level sets of slices on the GPU: anti-aliasing, distance, conditioning.
 
-use std::iter;
-
 use rayon::prelude::*;
 
 use super::Gpu;
@@ -19,9 +17,8 @@ use super::layout::{Block, Job, Params, Rule};
 use super::recorder::{Recorder, Size};
 use super::work;
 use crate::backend::conditioning::{
-    AREA_SIGMA, BESIDE, CONDITION_ITERATIONS, CONDITION_WIDER, CONDITIONED, CONTRADICTED, EQ6_ITERATIONS, FIELD_FLOOR,
-    FLAT, KERNEL_CLIP, LEAST_LENGTH, MASK_FLOOR, MOST_SHIFT, NOTHING_BESIDE, WIDER, WIDER_CLIP, gaussian_weights,
-    kernel_slope,
+    AREA_SIGMA, CONDITION_ITERATIONS, CONDITION_WIDER, CONDITIONED, EQ6_ITERATIONS, FIELD_FLOOR, FLAT, KERNEL_CLIP,
+    LEAST_LENGTH, MASK_FLOOR, MOST_SHIFT, gaussian_weights,
 };
 use crate::backend::{ContourOptions, PaddedSlice};
 use crate::error::Result;
@@ -52,48 +49,14 @@ shader! {
         result: Write [f32],
     }
 
-    /// What a kernel makes of masks, from a Gaussian of them once and twice, and what the wider ones begin with.
+    /// `2 first - second` on the mask's side.
     Sharpen for sharpen, "sharpen" {
-        params: Uniform Params,
-        rule: Uniform Rule,
-        first: Read [f32],
-        second: Read [f32],
-        result: Write [f32],
-        shares: Write [f32],
-        clips: Write [f32],
-        beside: Write [f32],
-    }
-
-    /// How deep pixels lie on the wrong side of what a kernel makes of them.
-    Contradict for contradict, "contradict" {
         params: Uniform Params,
         rule: Uniform Rule,
         first: Read [f32],
         second: Read [f32],
         sides: Read [f32],
         result: Write [f32],
-        beside: Write [f32],
-    }
-
-    /// `result` as a wider kernel makes it, as far as the pixels allow.
-    Widen for widen, "widen" {
-        params: Uniform Params,
-        rule: Uniform Rule,
-        first: Read [f32],
-        second: Read [f32],
-        result: Write [f32],
-        depths: Read [f32],
-        shares: Write [f32],
-        clips: Write [f32],
-        weights: Read [f32],
-    }
-
-    /// `result` near the exact distance `first`.
-    Limit for limit, "limit" {
-        params: Uniform Params,
-        first: Read [f32],
-        result: Write [f32],
-        clips: Write [f32],
     }
 
     /// `first` on the mask's side.
@@ -102,6 +65,14 @@ shader! {
         rule: Uniform Rule,
         first: Read [f32],
         sides: Read [f32],
+        result: Write [f32],
+    }
+
+    /// `result` near the exact distance `first`.
+    Limit for limit, "limit" {
+        params: Uniform Params,
+        rule: Uniform Rule,
+        first: Read [f32],
         result: Write [f32],
     }
 
@@ -138,9 +109,9 @@ shader! {
     }
 }
 
-/// Bytes per node: the slice, how far kernels may move it, the distance, the exact distance and its three scratch arrays, area and length with one of
-/// their axes, the band's own.
-const BYTES: usize = NODE_BYTES + 40;
+/// Bytes per node: the slice, the distance, the exact distance and its three scratch arrays, area and length with one of their axes, the band's
+/// own.
+const BYTES: usize = NODE_BYTES + 36;
 
 /// Level sets of all slices; `inf` where a slice is empty.
 pub fn contour_fields(
@@ -224,18 +195,15 @@ fn run(
     let params =
         Params { hx: h[0] as f32, hy: h[1] as f32, gamma: width(options) as f32, step_share: 1.0, ..Params::default() };
     let mut recorder = Recorder::new(&gpu.device, &gpu.profiler);
-    // The masks are asked for again where their level sets were smoothed by kernels.
-    let (source, kernels) = if masks.is_empty() {
+    // The masks are asked for again where their level sets were smoothed by a kernel.
+    let (source, sides) = if masks.is_empty() {
         (atlas.send(&gpu.device, "level", levels, 1.0)?, None)
     } else {
         let tables = Tables::new(gpu, &atlas, params)?;
         let sides = tables.spread(gpu, &mut recorder, &masks)?;
         match options.anti_alias {
             AntiAlias::None => (sides, None),
-            AntiAlias::Kernel => {
-                let [smooth, clips] = tables.kernels(gpu, &mut recorder, &sides, options.sigma)?;
-                (smooth, Some((sides, clips)))
-            }
+            AntiAlias::Kernel => (tables.kernel(gpu, &mut recorder, &sides, options.sigma)?, Some(sides)),
             AntiAlias::Eq6 => {
                 let exact = &exact_distance(gpu, &mut recorder, &atlas, params, &sides)?;
                 recorder.submit()?;
@@ -247,28 +215,25 @@ fn run(
     };
     let tiles = DistanceBuffers::new(gpu, atlas.clone(), params, source)?;
     let mut recorder = tiles.solve(recorder, false, rounds)?;
-    if let Some((sides, clips)) = &kernels {
+    if let Some(sides) = &sides {
         let exact = exact_distance(gpu, &mut recorder, &atlas, params, sides)?;
-        let limit = Limit { params: &tiles.params, first: &exact, result: &tiles.d, clips }.bind(gpu);
+        let rule = &gpu.device.uniform("rule", rule(&[]));
+        let limit = Limit { params: &tiles.params, rule, first: &exact, result: &tiles.d }.bind(gpu);
         recorder.run(&limit, tiles.per_node());
     }
     recorder.submit()?;
-    let sides = kernels.as_ref().map(|(sides, _)| sides);
-    with_room(room, atlas.node_count(), |room| condition(gpu, &tiles, params, options, sides, room))
+    with_room(room, atlas.node_count(), |room| condition(gpu, &tiles, params, options, sides.as_ref(), room))
 }
 
 fn rule(weights: &[f64]) -> Rule {
     let mut out = Rule {
-        reach: weights.len().saturating_sub(1) as u32,
+        reach: (weights.len() / 2) as u32,
         mask_floor: MASK_FLOOR as f32,
         field_floor: FIELD_FLOOR as f32,
         kernel_clip: KERNEL_CLIP as f32,
         least_length: LEAST_LENGTH as f32,
         most_shift: MOST_SHIFT as f32,
         flat_square: FLAT as f32,
-        wider_clip: WIDER_CLIP as f32,
-        beside: BESIDE as f32,
-        nothing_beside: NOTHING_BESIDE as f32,
         ..Rule::default()
     };
     for (k, &w) in weights.iter().enumerate() {
@@ -307,51 +272,25 @@ impl Tables {
         Ok(result)
     }
 
-    /// Records the masks smoothed by kernels as wide as their pixels allow, on their sides, and how far that may be from the exact distance.
-    fn kernels(
+    /// Records `2 G - G * G` of the masks, on their sides.
+    fn kernel(
         &self,
         gpu: &Gpu,
         recorder: &mut Recorder<'_>,
         sides: &Buffer<[f32]>,
         sigma: f64,
-    ) -> Result<[Buffer<[f32]>; 2]> {
-        let Tables { nodes, params, .. } = self;
+    ) -> Result<Buffer<[f32]>> {
+        let Tables { nodes, params, jobs, blocks } = self;
         let storage = |label| gpu.device.storage(label, *nodes);
         let (half, once, twice) = (storage("half")?, &storage("once")?, &storage("twice")?);
-        let (smooth, clips, shares) = (&storage("smooth")?, storage("clips")?, &storage("shares")?);
-        let (beside, weights, depths) = (&storage("beside")?, &storage("weights")?, &storage("depths")?);
-        let (first, second, result, list) = (once, twice, smooth, Size::List(*nodes));
-        for (k, times) in iter::once(1.0).chain(WIDER).enumerate() {
-            let per_slope = (1.0 / kernel_slope(times * sigma)) as f32;
-            let rule = Rule { per_slope, contradicted: (CONTRADICTED / times) as f32, ..rule(&[]) };
-            let rule = &gpu.device.uniform("rule", rule);
-            self.gaussian(gpu, recorder, times * sigma, [sides, &half, once]);
-            self.gaussian(gpu, recorder, times * sigma, [once, &half, twice]);
-            if k == 0 {
-                let sharpen = Sharpen { params, rule, first, second, result, shares, clips: &clips, beside };
-                recorder.run(&sharpen.bind(gpu), list);
-                self.gaussian(gpu, recorder, AREA_SIGMA, [beside, &half, weights]);
-                continue;
-            }
-            let contradict = Contradict { params, rule, first, second, sides, result: depths, beside };
-            recorder.run(&contradict.bind(gpu), list);
-            self.gaussian(gpu, recorder, AREA_SIGMA, [depths, &half, depths]);
-            let widen = Widen { params, rule, first, second, result, depths, shares, clips: &clips, weights };
-            recorder.run(&widen.bind(gpu), list);
-        }
-        let rule = Rule { mask_floor: (MASK_FLOOR / kernel_slope(sigma)) as f32, ..rule(&[]) };
-        let rule = &gpu.device.uniform("rule", rule);
-        recorder.run(&HoldSides { params, rule, first: smooth, sides, result: &half }.bind(gpu), list);
-        Ok([half, clips])
-    }
-
-    /// Records a Gaussian from the first buffer to the last.
-    fn gaussian(&self, gpu: &Gpu, recorder: &mut Recorder<'_>, sigma: f64, [from, half, to]: [&Buffer<[f32]>; 3]) {
-        let Tables { nodes, params, jobs, blocks } = self;
         let axes = axes(gpu, sigma);
-        for (rule, first, result) in [(&axes[0], from, half), (&axes[1], half, to)] {
-            recorder.run(&Gaussian { params, rule, jobs, blocks, first, result }.bind(gpu), Size::List(*nodes));
+        for (axis, first, result) in [(0, sides, &half), (1, &half, once), (0, once, &half), (1, &half, twice)] {
+            let gaussian = Gaussian { params, rule: &axes[axis], jobs, blocks, first, result }.bind(gpu);
+            recorder.run(&gaussian, Size::List(*nodes));
         }
+        let sharpen = Sharpen { params, rule: &axes[0], first: once, second: twice, sides, result: &half }.bind(gpu);
+        recorder.run(&sharpen, Size::List(*nodes));
+        Ok(half)
     }
 }
 

@@ -317,7 +317,7 @@ mirrored!(
 mirrored!(
     /// Rule by which slices become level sets (`contour_field.wgsl`).
     Rule {
-        weights: [[f32; 4]; 21],
+        weights: [[f32; 4]; 11],
         reach: u32,
         vertical: u32,
         mask_floor: f32,
@@ -327,13 +327,9 @@ mirrored!(
         least_length: f32,
         most_shift: f32,
         flat_square: f32,
-        wider_clip: f32,
-        per_slope: f32,
-        contradicted: f32,
-        beside: f32,
-        nothing_beside: f32,
         padding_a: u32,
         padding_b: u32,
+        padding_c: u32,
     }
 );
 

@@ -9,9 +9,8 @@ use super::hj_step::Scratch;
 use super::reinit::reinit;
 use crate::backend::ContourOptions;
 use crate::backend::conditioning::{
-    AREA_SIGMA, BESIDE, CONDITION_ITERATIONS, CONDITION_WIDER, CONDITIONED, EQ6_ITERATIONS, FIELD_FLOOR, KERNEL_CLIP,
-    LEAST_LENGTH, MASK_FLOOR, MOST_SHIFT, WIDER, WIDER_CLIP, contour_length, gaussian_weights, kernel_slope,
-    pixel_width, wider_share,
+    AREA_SIGMA, CONDITION_ITERATIONS, CONDITION_WIDER, CONDITIONED, EQ6_ITERATIONS, FIELD_FLOOR, KERNEL_CLIP,
+    LEAST_LENGTH, MASK_FLOOR, MOST_SHIFT, contour_length, gaussian_weights, pixel_width,
 };
 use crate::grid::field::{Field, covered};
 use crate::settings::AntiAlias;
@@ -22,48 +21,25 @@ pub fn field_of_mask(mask: &[bool], dims: [usize; 2], h: [f64; 2], options: Cont
         return Field::filled(dims, f64::INFINITY);
     }
     let binary = Field { dims, data: mask.iter().map(|&m| if m { -0.5 } else { 0.5 }).collect() };
-    let (smooth, floor, clip) = match options.anti_alias {
+    let smooth = match options.anti_alias {
         AntiAlias::None => return condition(distance_of(&binary, h), h, options.half_width),
-        AntiAlias::Kernel => {
-            let (smooth, clip) = as_wide_as_pixels_allow(&binary, options.sigma);
-            (smooth, MASK_FLOOR / kernel_slope(options.sigma), Some(clip))
-        }
+        AntiAlias::Kernel => without_second_moment(&binary, options.sigma),
         AntiAlias::Eq6 => {
             let band = Band::new(&mut exact_distance(mask, dims, h), options.half_width + CONDITION_WIDER);
             let mut u = binary;
             reinit(&mut u, &band, h, EQ6_ITERATIONS, &mut Scratch::default());
-            (u, MASK_FLOOR, None)
+            u
         }
     };
-    let mut phi = distance_of(&keep_side(smooth, |k| mask[k], floor), h);
-    let Some(clip) = clip else { return condition(phi, h, options.half_width) };
-    let exact = exact_distance(mask, dims, h);
-    for ((v, e), clip) in phi.data.iter_mut().zip(&exact.data).zip(&clip.data) {
-        *v = v.clamp(e - clip, e + clip);
-    }
-    with_area(condition(phi, h, options.half_width), mask, h)
-}
-
-/// The field `u` of -0.5 inside and 0.5 outside smoothed by a kernel of width `sigma`, and by each wider one as far as no pixel around lies on the
-/// wrong side of its contour, samples from the contour near it; and how far that may be from the exact distance, px.
-fn as_wide_as_pixels_allow(u: &Field, sigma: f64) -> (Field, Field) {
-    let mut smooth = without_second_moment(u, sigma);
-    let of = |data: Vec<f64>| Field { dims: u.dims, data };
-    let beside = of(smooth.data.iter().map(|v| (BESIDE - v.abs()).max(0.0)).collect());
-    let weights = gaussian(&beside, AREA_SIGMA);
-    let mut share = Field::filled(u.dims, 1.0);
-    let mut clip = Field::filled(u.dims, KERNEL_CLIP);
-    for times in WIDER {
-        let wide = without_second_moment(u, times * sigma);
-        let depth = |k: usize| (-wide.data[k] * u.data[k].signum()).clamp(0.0, 1.0);
-        let depths = gaussian(&of((0..u.data.len()).map(|k| beside.data[k] * depth(k).powi(2)).collect()), AREA_SIGMA);
-        for (k, share) in share.data.iter_mut().enumerate() {
-            *share *= wider_share(depths.data[k], weights.data[k], times);
-            smooth.data[k] += *share * (wide.data[k] - smooth.data[k]);
-            clip.data[k] += *share * (WIDER_CLIP - clip.data[k]);
+    let mut phi = distance_of(&keep_side(smooth, |k| mask[k], MASK_FLOOR), h);
+    if options.anti_alias == AntiAlias::Kernel {
+        let exact = exact_distance(mask, dims, h);
+        for (v, e) in phi.data.iter_mut().zip(&exact.data) {
+            *v = v.clamp(e - KERNEL_CLIP, e + KERNEL_CLIP);
         }
     }
-    (smooth, clip)
+    let phi = condition(phi, h, options.half_width);
+    if options.anti_alias == AntiAlias::Kernel { with_area(phi, mask, h) } else { phi }
 }
 
 /// Signed distance to the sub-pixel zero set of `u` (negative inside, 0 counts as outside); `inf` where nothing is inside.
@@ -123,35 +99,33 @@ fn keep_side(mut u: Field, inside: impl Fn(usize) -> bool, floor: f64) -> Field 
     u
 }
 
-/// `2 G - G * G` applied to a step `u` of 1, over its slope: smooths without a second moment, so that no contour shrinks to leading order.
+/// `2 G - G * G` applied to `u`: smooths without a second moment, so that no contour shrinks to leading order.
 fn without_second_moment(u: &Field, sigma: f64) -> Field {
     let once = gaussian(u, sigma);
     let twice = gaussian(&once, sigma);
-    let per = 1.0 / kernel_slope(sigma);
-    Field { dims: u.dims, data: once.data.iter().zip(&twice.data).map(|(a, b)| (2.0 * a - b) * per).collect() }
+    Field { dims: u.dims, data: once.data.iter().zip(&twice.data).map(|(a, b)| 2.0 * a - b).collect() }
 }
 
-/// Gaussian of width `sigma` samples, cut at 4 sigma, edges repeated. From its tails to its middle, both sides together: mirrored it is the same.
+/// Gaussian of width `sigma` samples, cut at 4 sigma, edges repeated.
 fn gaussian(u: &Field, sigma: f64) -> Field {
     let weights = gaussian_weights(sigma);
-    let (reach, [nx, ny]) = (weights.len() - 1, u.dims);
+    let reach = weights.len() / 2;
+    let [nx, ny] = u.dims;
     let mut along_x = Field::filled(u.dims, 0.0);
     let mut repeated = vec![0.0; nx + 2 * reach];
     for (row, out) in u.data.chunks_exact(nx).zip(along_x.data.chunks_exact_mut(nx)).filter(|(row, _)| !is_zero(row)) {
         repeated[..reach].fill(row[0]);
         repeated[reach..reach + nx].copy_from_slice(row);
         repeated[reach + nx..].fill(row[nx - 1]);
-        for (k, w) in weights.iter().enumerate().rev() {
-            add_both(out, [reach - k, reach + k].map(|first| &repeated[first..first + nx]), *w);
-        }
+        weights.iter().enumerate().for_each(|(k, w)| add_scaled(out, &repeated[k..k + nx], *w));
     }
-    let rows: Vec<&[f64]> = along_x.data.chunks_exact(nx).collect();
     let mut out = Field::filled(u.dims, 0.0);
     for (j, out) in out.data.chunks_exact_mut(nx).enumerate() {
-        for (k, w) in weights.iter().enumerate().rev() {
-            let both = [j.saturating_sub(k), (j + k).min(ny - 1)].map(|j| rows[j]);
-            if !both.iter().all(|row| is_zero(row)) {
-                add_both(out, both, *w);
+        for (k, w) in weights.iter().enumerate() {
+            let from = (j + k).saturating_sub(reach).min(ny - 1);
+            let row = &along_x.data[from * nx..(from + 1) * nx];
+            if !is_zero(row) {
+                add_scaled(out, row, *w);
             }
         }
     }
@@ -163,8 +137,8 @@ fn is_zero(row: &[f64]) -> bool {
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw", "x86_64+avx2"))]
-fn add_both(out: &mut [f64], [low, high]: [&[f64]; 2], w: f64) {
-    out.iter_mut().zip(low.iter().zip(high)).for_each(|(sum, (low, high))| *sum += w * (low + high));
+fn add_scaled(out: &mut [f64], row: &[f64], w: f64) {
+    out.iter_mut().zip(row).for_each(|(sum, v)| *sum += w * v);
 }
 
 #[cfg(test)]
@@ -213,55 +187,6 @@ mod tests {
                 );
             }
         }
-    }
-
-    /// Distances of the contour of a mask from where `f` is 0, px: mean square and mean, over the sides of pixels that it crosses.
-    fn off(f: impl Fn(DVec2) -> f64) -> [f64; 2] {
-        let place = |n: usize| DVec2::new((n % SIDE) as f64 - 32.0, (n / SIDE) as f64 - 32.0);
-        let mask: Vec<bool> = (0..SIDE * SIDE).map(|n| f(place(n)) < 0.0).collect();
-        let options = ContourOptions { anti_alias: AntiAlias::Kernel, sigma: 1.0, half_width: 6.0 };
-        let phi = field_of_mask(&mask, [SIDE; 2], [1.0; 2], options).data;
-        let sides = (0..SIDE * (SIDE - 1)).flat_map(|n| [(n, n + 1, DVec2::X), (n, n + SIDE, DVec2::Y)]);
-        let crossing = |(a, b, way): (usize, usize, DVec2)| {
-            ((phi[a] < 0.0) != (phi[b] < 0.0)).then(|| f(place(a) + way * (phi[a] / (phi[a] - phi[b]))))
-        };
-        let offs: Vec<f64> = sides.filter_map(crossing).collect();
-        let mean = |of: &dyn Fn(f64) -> f64| offs.iter().map(|v| of(*v)).sum::<f64>() / offs.len() as f64;
-        [mean(&|v| v * v).sqrt(), mean(&|v| v)]
-    }
-
-    #[test]
-    fn a_smooth_contour_is_known_from_many_of_its_pixels() {
-        for (radius, bound) in [(3.0, 0.19), (6.0, 0.16), (10.0, 0.14), (20.0, 0.125), (28.0, 0.115)] {
-            let each = (0..8).map(|k| {
-                let middle = DVec2::new(0.37 * f64::from(k) % 1.0, 0.61 * f64::from(k) % 1.0);
-                off(|x| x.distance(middle) - radius)
-            });
-            let each: Vec<[f64; 2]> = each.collect();
-            let [rms, mean] = [0, 1].map(|which| each.iter().map(|off| off[which]).sum::<f64>() / 8.0);
-            assert!(rms < bound && mean.abs() < 0.04, "radius {radius}: {rms:.3} rms, {mean:.3} in the mean");
-        }
-    }
-
-    #[test]
-    fn what_bends_more_than_a_kernel_is_not_smoothed_by_it() {
-        // Teeth of 3 px, and walls of a pixel.
-        let teeth = |x: DVec2| x.y < if x.x.rem_euclid(6.0) < 3.0 { 3.4 } else { -2.6 };
-        let walls = |x: DVec2| x.x.abs() < 0.6 || (x.x + 0.3 * x.y - 9.0).abs() < 0.5;
-        let alone = |is_inside: &dyn Fn(DVec2) -> bool| {
-            let place = |n: usize| DVec2::new((n % SIDE) as f64 - 32.0, (n / SIDE) as f64 - 32.0);
-            let value = |n: usize| if is_inside(place(n)) { -0.5 } else { 0.5 };
-            let binary = Field { dims: [SIDE; 2], data: (0..SIDE * SIDE).map(value).collect() };
-            let (smooth, _) = as_wide_as_pixels_allow(&binary, 1.0);
-            let first = without_second_moment(&binary, 1.0);
-            let near = (0..SIDE * SIDE).filter(|n| first.data[*n].abs() < 0.8 && place(*n).abs().max_element() < 20.0);
-            near.map(|n| (smooth.data[n] - first.data[n]).abs()).fold(0.0, f64::max)
-        };
-        for (what, found) in [("teeth", alone(&teeth)), ("walls", alone(&walls))] {
-            assert!(found < 0.02, "{what}: moved by {found} px by a wider kernel");
-        }
-        let straight = alone(&|x: DVec2| x.y < 0.3 * x.x);
-        assert!(straight > 0.1, "a straight line, too, is moved by {straight} px alone");
     }
 
     #[test]
